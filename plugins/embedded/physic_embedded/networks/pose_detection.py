@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
 DETECTOR_SIZE = 224
 DETECTOR_LAYERS = ((8, 2), (16, 2), (32, 6))
+AROUND = 1.6
+"""Side of the square around a box, over the larger side of the box. With 1.3 two people of a rig
+become one; with 2, four more boxes of nobody are people on 110 labelled photos, with 1.6 two.
+"""
 
 
 def detect_people(
@@ -34,9 +38,10 @@ def detect_people(
     threshold: float,
     tile_threshold: float,
     fractions: Sequence[float],
+    around: Sequence[Float] = (),
 ) -> list[BoxDetection]:
-    """Detect candidate people in the full photo, its tiles and their mirror images: photo px, best
-    score first.
+    """Detect candidate people in the full photo, its tiles, the squares around boxes, and their
+    mirror images: photo px, best score first.
 
     Overlapping detections are merged. Keypoint 0 of a candidate lies between the hips, keypoint 1
     at the radius that the landmark network needs.
@@ -48,31 +53,52 @@ def detect_people(
         tile_threshold: lowest score in a tile.
         fractions: tile sides over the photo's long side; the short side of a photo longer than all
             of them is added.
+        around: boxes (4,) x0 y0 x1 y1 px of the photo, such as those where somebody may be.
     """
     # People fill the height of a panorama, and the whole of it shows them too small.
     short = min(picture.width, picture.height) / max(picture.width, picture.height)
     if fractions and short < min(fractions):
         fractions = [*fractions, short]
-    image = _smallest_level(picture, min([1.0, *fractions]))
-    h, w = image.shape[:2]
-    scale = np.array([picture.width / w, picture.height / h])
-    anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS)
-    found: list[BoxDetection] = []
-    for x, y, side, lowest in [
-        (0, 0, max(h, w), threshold),
-        *((*t, tile_threshold) for t in tiles(w, h, fractions)),
-    ]:
-        shown, square = letterbox_square(image[y : y + side, x : x + side], DETECTOR_SIZE, (x, y))
-        for mirrored in (False, True):
-            pixels = shown[:, ::-1] if mirrored else shown
-            boxes, scores = session.run(
-                ["boxes", "scores"], {"image": pixels[None].astype(np.float32) / 127.5 - 1.0}
-            )
-            for d in decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, lowest):
-                points = square.to_photo(_points_of(d, mirrored), DETECTOR_SIZE)
-                points = (points + 0.5) * scale - 0.5
-                found.append(BoxDetection(points[:2].ravel(), points[2:], d.score))
+    long_side = max(picture.width, picture.height)
+    windows = [
+        (0.0, 0.0, float(long_side), threshold),
+        *((*tile, tile_threshold) for tile in tiles(picture.width, picture.height, fractions)),
+        *((*_window(box), tile_threshold) for box in around),
+    ]
+    found = [d for window in windows for d in _in_window(session, picture, *window)]
     return merge_candidates(found)
+
+
+def _window(box: Float) -> tuple[float, float, float]:
+    """Return the square (x, y, side) around a box (4,), px."""
+    side = AROUND * float((box[2:] - box[:2]).max())
+    x, y = (box[:2] + box[2:]) / 2 - side / 2
+    return float(x), float(y), side
+
+
+def _in_window(
+    session: OnnxSession, picture: ImagePyramid, x: float, y: float, side: float, lowest: float
+) -> list[BoxDetection]:
+    """Return the candidates of at least a score in a square of the photo, px, and in its mirror
+    image.
+    """
+    image = _smallest_level(picture, side / max(picture.width, picture.height))
+    scale = np.array([picture.width / image.shape[1], picture.height / image.shape[0]])
+    x0, y0 = (max(0, round(v / s)) for v, s in zip((x, y), scale, strict=True))
+    x1, y1 = (round((v + side) / s) for v, s in zip((x, y), scale, strict=True))
+    shown, square = letterbox_square(image[y0:y1, x0:x1], DETECTOR_SIZE, (x0, y0))
+    anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS)
+    found = []
+    for mirrored in (False, True):
+        pixels = shown[:, ::-1] if mirrored else shown
+        boxes, scores = session.run(
+            ["boxes", "scores"], {"image": pixels[None].astype(np.float32) / 127.5 - 1.0}
+        )
+        for d in decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, lowest):
+            points = square.to_photo(_points_of(d, mirrored), DETECTOR_SIZE)
+            points = (points + 0.5) * scale - 0.5
+            found.append(BoxDetection(points[:2].ravel(), points[2:], d.score))
+    return found
 
 
 def _smallest_level(picture: ImagePyramid, fraction: float) -> NDArray[np.uint8]:

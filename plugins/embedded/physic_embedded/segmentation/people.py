@@ -1,8 +1,9 @@
 """Detect the poses of all people in an image.
 
 YOLOX detects people as boxes. The landmark network, which expects one person, runs on each box.
-Unless all boxes and their poses are sure, BlazePose's own detector adds people that YOLOX misses,
-and a second start for the landmark network at boxes that are not sure. Both also detect animals and
+Unless all boxes and their poses are sure, BlazePose's own detector adds people that YOLOX misses.
+It also looks into the square around each box that is not sure, for a second start of the landmark
+network there. Both also detect animals and
 boards as people: boxes that YOLOX scores higher as one of these are left out.
 """
 
@@ -186,8 +187,11 @@ def detect_poses(
     blazepose = []
     if not posed or not all(sure):
         known = [pose for _, _, pose in compress(posed, sure)]
+        unsure = [
+            box for (box, _, _), one_is_sure in zip(posed, sure, strict=True) if not one_is_sure
+        ]
         blazepose = _search_blazepose(
-            pose_detector, landmarker, picture, fractions, known=known, most=2 * max_people
+            pose_detector, landmarker, picture, fractions, unsure, known=known, most=2 * max_people
         )
     others = [pose for pose, _ in blazepose]
     candidates = [
@@ -386,6 +390,7 @@ def _search_blazepose(
     landmarker: OnnxSession,
     picture: ImagePyramid,
     fractions: tuple[float, ...],
+    around: Sequence[Float],
     known: Sequence[Pose],
     most: int,
 ) -> list[tuple[Pose, float]]:
@@ -393,7 +398,9 @@ def _search_blazepose(
     people who are known.
     """
     found = []
-    for d in detect_people(pose_detector, picture, WEAK_SCORE, WEAK_SCORE + 0.2, fractions)[:most]:
+    for d in detect_people(pose_detector, picture, WEAK_SCORE, WEAK_SCORE + 0.2, fractions, around)[
+        :most
+    ]:
         square = person_square(d.keypoints[0], d.keypoints[1])
         if any(_is_at_hips(square, one.square) for one in known):
             continue

@@ -220,6 +220,20 @@ def test_a_player_beside_the_middle_is_one_candidate(image):
     assert found == [1, 1]
 
 
+def test_somebody_small_is_a_candidate_in_the_square_around_a_box(pytestconfig):
+    session = open_packaged_session("pose_detection", threads=1)
+    photo = cv2.imread(str(pytestconfig.rootpath / "examples" / "slope.jpg"))[..., ::-1]
+    small = cv2.resize(photo, None, fx=0.1, fy=0.1, interpolation=cv2.INTER_AREA)
+    height, width = small.shape[:2]
+    far = np.full((10 * height, 10 * width, 3), 114, np.uint8)
+    far[height : 2 * height, 9 * width :] = small
+    box = np.array([9 * width, height, 10 * width, 2 * height], float)
+    picture = ImagePyramid.from_image(far)
+    assert detect_people(session, picture, 0.5, 0.5, ()) == []
+    (skier,) = detect_people(session, picture, 0.5, 0.5, (), around=[box])
+    np.testing.assert_allclose(skier.keypoints[0], [696, 201], atol=4)
+
+
 @pytest.mark.parametrize(
     ("detected", "gap", "overlap", "person"),
     [(0.8, 0.1, 0.5, True), (0.5, 0.1, 1.0, False), (0.5, 0.0, 0.5, False), (0.5, 0.0, 1.0, True)],
