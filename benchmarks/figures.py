@@ -98,10 +98,7 @@ def share(rows: Sequence[Row], mark: str) -> dict[str, float | None]:
 
 def is_failed(row: Row, name: str) -> bool:
     """Return whether a check of a person fails."""
-    value, spec = row["checks"].get(name), CHECKS[name]
-    if value is None:
-        return False
-    return bool(value > spec.threshold if spec.direction == "at most" else value < spec.threshold)
+    return CHECKS[name].compare(row["checks"].get(name)).failed
 
 
 def truth_figures(file: Path) -> dict[str, Any]:
