@@ -23,6 +23,14 @@ not_installed() {
     exit 3
 }
 
+# A wheel whose system library is missing here says nothing about the finding.
 python() {
-    "$folder/venv/bin/python" "$@"
+    code=0
+    "$folder/venv/bin/python" "$@" 2> errors.log || code=$?
+    cat errors.log >&2
+    if [ $code != 0 ] && grep -q 'cannot open shared object file' errors.log; then
+        echo "not measured: a system library is missing"
+        exit 3
+    fi
+    return $code
 }
