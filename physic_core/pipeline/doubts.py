@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.engine.contact.distances import SEARCH_RADIUS_M
 from physic_core.interfaces.comparison import describe_difference, is_sigmoid_of_probability
 from physic_core.judge.trust import load_of
 from physic_core.types.observations import LEAST_PROBABILITY
@@ -27,7 +28,6 @@ _LARGE_MAP_PX = 10_000
 _EDGE_PX = 2
 _STEP_AT_EDGE = 3.0  # times the photo's own steps beside it, and
 _LEAST_STEP = 16.0  # grey levels
-_NEAR_M = 0.15  # as far as contact is searched
 _FEWEST_NEAR = 0.4  # of the vertices that touch by the prior, and
 _LEAST_LIFT = 1.3  # times the share of all vertices: in another order both are the same
 _SOME_NEAR = 0.05  # of all vertices; a body that is near nothing tells nothing
@@ -224,7 +224,7 @@ def doubt_of_contact_places(result: Reconstruction, probability: FloatArray) -> 
     """
     for index, (person, likely) in enumerate(zip(result.people, probability, strict=True)):
         wanted = likely >= LEAST_PROBABILITY
-        near = (np.abs(person.distance) < _NEAR_M) | person.contact
+        near = (np.abs(person.distance) < SEARCH_RADIUS_M) | person.contact
         share = float(near[wanted].mean()) if wanted.sum() >= _FEWEST_VERTICES else 1.0
         if near.mean() > _SOME_NEAR and share < min(_FEWEST_NEAR, _LEAST_LIFT * near.mean()):
             return (

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
     Inside = tuple[slice, slice]
 
-_MOST_SAMPLES = 500  # of a row, whatever the size of the photo
+MOST_SAMPLES = 500
+"""Pixels of a row that are compared, whatever the size of the photo."""
 _PLAIN = 8  # largest variation of a border, grey levels; a sky over a horizon varies more
 _PLAIN_THIN = 48  # the same of a thin frame, which JPEG mixes with the photo
 _THIN_PX = 3
@@ -80,7 +81,7 @@ def _bar(rows: UInt8Array, least: float) -> int:
     """Return the number of rows (R, C, 3) of one colour before the straight edge of a picture; 0
     without a bar.
     """
-    samples = rows[:, :: max(1, rows.shape[1] // _MOST_SAMPLES)]
+    samples = rows[:, :: max(1, rows.shape[1] // MOST_SAMPLES)]
     outermost = samples[: max(1, math.ceil(least * len(rows)))].astype(np.int16)
     color = np.median(outermost[0], axis=0)
     tolerance = np.abs(outermost - color).max() + 1

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.prepare.border import MOST_SAMPLES
+
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
 
-_SAMPLES = 500  # of a row
 _PERCENTILE = 90
 _VARIES = 24.0  # largest deviation along a strip, at this percentile, of 255
 _SAME = 8.0  # largest difference of the rows of a strip
@@ -73,7 +74,7 @@ def _is_seam(across: UInt8Array, row: int) -> bool:
     reach = 2 * _JPEG_PX + 2
     if not reach <= row <= len(across) - reach:
         return False
-    near = across[row - reach : row + reach, :: max(1, across.shape[1] // _SAMPLES)]
+    near = across[row - reach : row + reach, :: max(1, across.shape[1] // MOST_SAMPLES)]
     rows = near.astype(np.int16)
     ends = rows[reach - 1 : reach + 1]
     off = np.abs(ends - np.median(ends, axis=1, keepdims=True)).max(-1)
@@ -92,7 +93,7 @@ def _strips(across: UInt8Array) -> list[tuple[int, int]]:
     """Return first row, and row after the last, of the strips along the rows of an image
     (H, W, 3).
     """
-    samples = across[:, :: max(1, across.shape[1] // _SAMPLES)].astype(np.int16)
+    samples = across[:, :: max(1, across.shape[1] // MOST_SAMPLES)].astype(np.int16)
     color: FloatArray = np.median(samples, axis=1)
     off = np.abs(samples - color[:, None]).max(-1)
     varies: FloatArray = np.percentile(off, _PERCENTILE, axis=1)

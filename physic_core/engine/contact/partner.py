@@ -18,7 +18,7 @@ from physic_core.engine.contact.distances import (
     SEARCH_RADIUS_M,
     Distances,
 )
-from physic_core.engine.contact.parts import SAT_ON, UPRIGHT_CLASSES
+from physic_core.engine.contact.parts import FACES_UP, SAT_ON, UPRIGHT_CLASSES
 from physic_core.engine.contact.picture import PeopleInPicture
 from physic_core.engine.contact.probability import mean_of_surest
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
@@ -40,7 +40,6 @@ _OF_WORLD = ("floor", "scene", "hidden")
 _SKIN = ("person", "self")
 _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
 _GROUND_M = 0.05  # height over the floor of feet that stand on it: its error and that of the pose
-_RESTS = -0.3  # cosine between up and the mean normal of touching skin; below it, the part rests
 
 
 @dataclass(frozen=True)
@@ -235,7 +234,7 @@ def _rests_on_scene(facing: Tensor, on_scene: Tensor, regions: ContactRegions) -
         torch.zeros(len(facing), count).to(facing).scatter_add(1, region, values)
         for values in (torch.where(on_scene, facing, 0.0), on_scene.to(facing))
     )
-    return (total < _RESTS * touching).gather(1, region)
+    return (total < -FACES_UP * touching).gather(1, region)
 
 
 def body_contacts(

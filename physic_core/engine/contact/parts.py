@@ -41,9 +41,12 @@ class SceneParts:
     ground: Tensor
 
 
+FACES_UP = 0.3
+"""Least cosine between up and a normal that faces up: of points that are no wall, of skin that
+carries. Normals that face down have less than its negative.
+"""
 # Such a label is wrong where a point faces up under a sole.
 _CARRIES_NOBODY = (*UPRIGHT_CLASSES, "water")
-_FACES_UP = 0.3  # least cosine between up and the normal of a point that is no wall, for any label
 _RAISED_M = 0.10  # height over the floor above which a hidden point is not the floor
 
 
@@ -80,7 +83,7 @@ def scene_parts(
     )
     label = _surface_label_of_points(points, row, names, labels, raised)
     mistaken = _has_label(label, names, _CARRIES_NOBODY) & (
-        (normals @ up.to(normals)).cpu() > _FACES_UP
+        (normals @ up.to(normals)).cpu() > FACES_UP
     )
     label[mistaken] = -1
     ground = row.cpu() < 0

@@ -28,7 +28,7 @@ from physic_core.engine.contact.partner import (
     assign_partners,
     body_contacts,
 )
-from physic_core.engine.contact.parts import scene_parts
+from physic_core.engine.contact.parts import FACES_UP, scene_parts
 from physic_core.engine.contact.picture import PeopleInPicture
 from physic_core.engine.contact.probability import (
     contact_part_masks,
@@ -57,8 +57,6 @@ if TYPE_CHECKING:
 
 _SCENE, _PERSON, _OWN_BODY, _OBJECT = range(len(KINDS))
 _TOUCHING = {"foot": "sole", "hand": "hand"}  # contact set of a limb
-_FACES_DOWN = -0.3  # largest cosine between up and skin that faces down
-_BEARS = 0.3  # least cosine between up and skin of another person on which one can sit or stand
 
 
 def solve_contact(estimates: Estimates, state: State, method: ContactStageMethod) -> State:
@@ -137,7 +135,7 @@ def _find_supports(
     """Return the support of each person; None for people with non-finite vertices."""
     beneath = near.normals[near.people.person, near.people.vertex] @ state.up
     # a lap carries, a neighbour's thigh does not
-    beside = (touch.kind == _PERSON) & (beneath < _BEARS)
+    beside = (touch.kind == _PERSON) & (beneath < FACES_UP)
     outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & (touch.kind != _OBJECT) & ~beside
     # the pose leaves a gap only to floor and scene, which do not move
     height = torch.where(touch.kind == _SCENE, near.surface.nearest, 0.0)
@@ -202,7 +200,7 @@ def _with_unknown(state: State, near: Distances, touch: Touch) -> Touch:
     """
     kind = touch.kind.clone()
     parts = {**touch.parts}
-    down = near.normals @ state.up < _FACES_DOWN
+    down = near.normals @ state.up < -FACES_UP
     for name, skin in contact_part_masks(state.model).items() if touch.parts else ():
         if name == SEAT:
             continue
@@ -233,7 +231,7 @@ def _add_hidden_contacts(
         seat = contact_part_masks(state.model)[SEAT]
         on_world = (kind == _SCENE) | (kind >= HIDDEN)
         lost = (touch.parts[SEAT] >= LEAST_PROBABILITY) & ~(on_world & seat).any(1)
-        down = near.normals @ state.up < _FACES_DOWN
+        down = near.normals @ state.up < -FACES_UP
         kind[lost[:, None] & seat & down] = HIDDEN_SEAT
     probability = touch.probability
     if probability is not None and touch.parts:

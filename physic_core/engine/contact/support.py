@@ -22,10 +22,10 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.partner import DECIMALS
+from physic_core.engine.contact.parts import FACES_UP
 from physic_core.types.contacts import BodyContact, Support, SupportState
 from physic_core.types.skeletons import SIDES
 
-_DOWNWARD = -0.3  # largest cosine between a normal and up of skin that can rest on something
 # Distance from the hull within which a body is balanced: poses are off by a decimetre along the
 # ray.
 _BALANCE_M = 0.12
@@ -197,7 +197,7 @@ def _level_contacts(model: BodyModel, person: PersonContact, up: Tensor) -> Tens
     """Return the contacts (V,) bool whose skin faces down, on body parts with enough of them to
     carry.
     """
-    level = person.contact & (person.normals @ up < _DOWNWARD)
+    level = person.contact & (person.normals @ up < -FACES_UP)
     on_part = torch.bincount(model.part_of_vertex[level], minlength=len(model.part_names))
     return level & (on_part >= _MIN_VERTICES)[model.part_of_vertex]
 
@@ -307,7 +307,7 @@ def _outer_vertices(model: BodyModel, *names: str) -> Tensor:
 
 def _lowest_layer(person: PersonContact, chosen: Tensor, up: Tensor) -> Tensor:
     """Return the lowest layer of the chosen vertices (V,) bool that face down."""
-    chosen = chosen & (person.normals @ up < _DOWNWARD)
+    chosen = chosen & (person.normals @ up < -FACES_UP)
     if not bool(chosen.any()):
         return chosen
     height = person.vertices @ up

@@ -64,7 +64,7 @@ floor.
 """
 
 # Of the height of the ground beside soles over the floor, in heights of the camera.
-_SOLE_SIGMA = 0.05  # if the person stands on the floor
+SOLE_SIGMA = 0.05  # if the person stands on the floor
 _ELSEWHERE = 0.5  # density of that height if not
 _FAR_OFF = 0.4  # height of that ground over a plane that is not moved to it
 _MOST_SOLES = 3.0  # independent observations that the soles of all people are worth
@@ -431,8 +431,8 @@ def standing_odds(height: float) -> float:
     """Return how much likelier ground beside soles is so high over the floor if the person stands
     on it than if not; heights of the camera.
     """
-    density = math.exp(-0.5 * (height / _SOLE_SIGMA) ** 2)
-    return density / (_SOLE_SIGMA * math.sqrt(2 * math.pi) * _ELSEWHERE)
+    density = math.exp(-0.5 * (height / SOLE_SIGMA) ** 2)
+    return density / (SOLE_SIGMA * math.sqrt(2 * math.pi) * _ELSEWHERE)
 
 
 def _plane_through_soles(

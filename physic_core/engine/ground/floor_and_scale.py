@@ -30,6 +30,7 @@ from physic_core.engine.ground.beside import (
 )
 from physic_core.engine.ground.carriers import carried_people
 from physic_core.engine.ground.floor import (
+    SOLE_SIGMA,
     FloorCandidate,
     FloorEvidence,
     GroundAtSoles,
@@ -91,7 +92,6 @@ _NO_FLOORS = (*RAISED_SURFACES, "wall", "ceiling", "window", "vegetation", "wate
 # Sigmas of a scale's logarithm, beside those of a stature and of people's depth in the map. On ten
 # photos with measured camera heights the height over the floor is off by .12 by soles, and by .1 by
 # torsos (rms).
-_SOLE_SIGMA = 0.05  # one person's soles
 _FLOOR_SIGMA = 0.06  # the floor, shared by all
 _TORSO_SIGMA = 0.1  # one torso
 _PEOPLE_SIGMA = 0.12  # people in the map, shared by all
@@ -516,7 +516,7 @@ def _soles_witness(
         * people.person_probability
         * np.where(people.low.may_rest, lies_on_floor, stands)
     )
-    sigma = np.hypot(people.sigma, _SOLE_SIGMA)
+    sigma = np.hypot(people.sigma, SOLE_SIGMA)
     return Witnesses(scale_by_lowest, people.torsos.depth, sigma, sure, _FLOOR_SIGMA)
 
 

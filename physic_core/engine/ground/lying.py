@@ -39,7 +39,6 @@ _TOLERANCE = 0.06  # of inverse depth on the plane, as a share
 _HYPOTHESES = 400
 _DRAWN = 1500  # pixels
 _REFITS = 5
-_SEED = 0
 
 # Gap: logarithm of the depth of the plane over that of the body before it; half-normal if the body
 # lies on it, exponential if not. Of 75 people who stand or sit in photos, all three gaps of none
@@ -150,9 +149,7 @@ def _background_plane(rays: Tensor, inverse: Tensor, person: Background) -> Tens
     step = max(1, len(near) // _DRAWN)
     near = near[::step]
     ray = ray[::step]
-    drawn = torch.randint(
-        len(near), (_HYPOTHESES, 3), generator=torch.Generator().manual_seed(_SEED)
-    )
+    drawn = torch.randint(len(near), (_HYPOTHESES, 3), generator=torch.Generator().manual_seed(0))
     planes = planes_through(ray, near, drawn)
     if not len(planes):
         return None

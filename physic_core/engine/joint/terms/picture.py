@@ -24,6 +24,7 @@ from physic_core.engine.joint.term import (
     VertexDistances,
 )
 from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
+from physic_core.engine.joint.terms.scene import OUTLIER_SIGMAS
 from physic_core.engine.joint.variables import Variables
 from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.engine.state import State
@@ -126,7 +127,6 @@ class DepthSettings:
 
 
 _DEPTH_SIGMA = 0.03  # expected error of the logarithm of depth
-_DEPTH_OUTLIER_SIGMAS = 2.0
 # With a free depth offset only the relief of a person counts, which networks estimate less reliably
 # than the distance.
 _RELIEF_SHARE = 2.0 / 15.0
@@ -181,7 +181,7 @@ class DepthTerm(SurfaceTerm):
         share = weight / weight.sum(1, keepdim=True).clamp(min=1e-9)
         return RobustSum(
             "cauchy",
-            _DEPTH_OUTLIER_SIGMAS,
+            OUTLIER_SIGMAS,
             _DEPTH_SIGMA,
             self._per_person.to(share.dtype)[:, None] * share,
         )

@@ -26,7 +26,8 @@ SLACK_M = 0.005
 """Depth without a penalty, metres."""
 SURFACE_SIGMA_M = 0.02
 """Expected error of the surface, metres."""
-_PENETRATION_OUTLIER_SIGMAS = 2.0  # beyond as many the gradient is constant (pseudo-Huber)
+OUTLIER_SIGMAS = 2.0
+"""Standard deviations from which on a residual counts as an outlier."""
 
 CONTACT_RANGE_M = 0.15
 """Contact vertices farther from scene and floor are skipped, metres."""
@@ -76,7 +77,7 @@ class PenetrationTerm(SurfaceTerm):
 
 def robust_depths(weight: Tensor) -> RobustSum:
     """Return the robust sum over depths inside a surface, with the weight of each."""
-    return RobustSum("pseudo_huber", _PENETRATION_OUTLIER_SIGMAS, SURFACE_SIGMA_M, weight)
+    return RobustSum("pseudo_huber", OUTLIER_SIGMAS, SURFACE_SIGMA_M, weight)
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,6 @@ class ContactTerm(SurfaceTerm):
 
 
 _PLANE_SIGMA_M = 0.015  # expected error of the plane, metres
-_PLANE_OUTLIER_SIGMAS = 2.0
 _UNSEEN_FLOOR_SHARE = 0.3  # of the weight, for invisible limbs
 # Invisible limbs of people with deeper vertices have no weight: leg pose or floor is wrong.
 _MAX_FLOOR_DEPTH_M = 0.2
@@ -187,9 +187,7 @@ class FloorPenetrationTerm(SurfaceTerm):
         # People far below contradict the floor or the scene's scale, and must not draw it away from
         # the others.
         weight = weight / (1 + (below / _MAX_FLOOR_DEPTH_M).square())
-        return RobustSum(
-            "pseudo_huber", _PLANE_OUTLIER_SIGMAS, _PLANE_SIGMA_M, self.weight * weight
-        )
+        return RobustSum("pseudo_huber", OUTLIER_SIGMAS, _PLANE_SIGMA_M, self.weight * weight)
 
     def residual(self, at: VertexDistances) -> SurfaceResidual:
         """Return the depths below the floor; invisible limbs give its scale no gradient."""
@@ -230,9 +228,7 @@ def lowest_height(height: Tensor) -> Tensor:
 
 
 _SOLE_SIGMA_M = 0.015  # a foot more than about 3 cm over the floor is an outlier
-_SOLE_OUTLIER_SIGMAS = 2.0
 _LOWER_SIGMA_M = 0.04
-_LOWER_OUTLIER_SIGMAS = 2.0
 
 
 def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor) -> Tensor:
@@ -252,8 +248,8 @@ def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor) -> Tensor:
     lower = torch.where(weighted, lowest, torch.inf).amin(-1)
     # 0 * inf is NaN
     lower = torch.where(weighted.any(-1), lower, 0.0)
-    near = robust_loss("geman_mcclure", lowest.square() / _SOLE_SIGMA_M**2, _SOLE_OUTLIER_SIGMAS)
-    far = robust_loss("cauchy", lower.square() / _LOWER_SIGMA_M**2, _LOWER_OUTLIER_SIGMAS)
+    near = robust_loss("geman_mcclure", lowest.square() / _SOLE_SIGMA_M**2, OUTLIER_SIGMAS)
+    far = robust_loss("cauchy", lower.square() / _LOWER_SIGMA_M**2, OUTLIER_SIGMAS)
     return (weight * near).sum(-1) + lower_weight * far
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from physic_core.files import read_arrays
-from physic_embedded.body_fit.limb_keypoints import LIMBS
+from physic_embedded.body_fit.limb_keypoints import HIP_WEIGHT, LIMBS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,7 +40,6 @@ _FOREARMS = BONES[2:4]
 
 _SWAPPED = [row ^ 1 for row in range(len(LIMBS))]  # left and right
 _MIRROR = np.array([-1.0, 1.0, 1.0])
-_HIP_WEIGHT = 0.5  # networks mark hips on the surface
 _POINT_GAIN = 4.0  # brings offsets of keypoints to the size of the other inputs
 
 
@@ -96,7 +95,7 @@ def inputs(view: LimbView) -> FloatArray:
     count = len(joints)
     projected = joints[..., :2] * (depth[:, None] / (joints[..., 2] + depth[:, None]))[..., None]
     weight = np.array(confidence, np.float64)[..., None]
-    weight[:, HIPS] *= _HIP_WEIGHT
+    weight[:, HIPS] *= HIP_WEIGHT
     shift = (weight * (points - projected)).sum(1, keepdims=True) / weight.sum(1, keepdims=True)
     offsets = _POINT_GAIN * (points - shift - joints[..., :2])
     parts = [joints, offsets, confidence, up, 1 / depth]

@@ -17,6 +17,8 @@ LIMBS = tuple(
 )
 """Names of the keypoints of arms and legs, which the body fit needs."""
 
+HIP_WEIGHT = 0.5
+"""Share of the weight of a hip: networks mark hips on the surface, bodies have them inside."""
 _MOST_FINGERS = 10  # points on fingers; a skeleton with more has whole hands
 
 

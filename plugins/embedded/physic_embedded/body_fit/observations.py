@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.types import Observations
-from physic_embedded.body_fit.limb_keypoints import sided_indices
+from physic_embedded.body_fit.limb_keypoints import HIP_WEIGHT, sided_indices
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,7 +31,6 @@ SIZE_STATURE_M = 1.72
 _OUTSIDE = 0.05  # weight left to a keypoint outside the picture, which the network can only guess
 _UNSEEN = 0.3  # confidence below which a keypoint counts as hidden
 _UNSEEN_WEIGHT = 0.1  # share of its 2D weight that it keeps
-_HIP_WEIGHT = 0.5  # networks mark hips on the surface, bodies have them inside
 LEAST_WORLD_WEIGHT = 0.15
 """Least weight of a 3D landmark."""
 
@@ -105,7 +104,7 @@ def observe_people(
     points = np.asarray(keypoints.points, np.float64)
     confidence = _confidence_inside(keypoints, intrinsics)
     weight = np.where(confidence < _UNSEEN, _UNSEEN_WEIGHT, 1) * confidence
-    weight[:, hips] *= _HIP_WEIGHT
+    weight[:, hips] *= HIP_WEIGHT
     world: FloatArray | None = (
         None if keypoints.world is None else np.asarray(keypoints.world, np.float64)
     )

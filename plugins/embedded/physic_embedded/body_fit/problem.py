@@ -68,14 +68,12 @@ _TRUNK_PITCH_SIGMA = 0.3
 # Std. dev. between the lowest points of two visible feet that probably both stand. The loss is
 # robust: a foot in the air is not pulled.
 _LEVEL_SIGMA_M = 0.02
-_LEGS_LIMIT = 3.0  # standard deviations at which a leg of another posture is pulled most
+_LIMIT = 3.0  # standard deviations at which a leg, a lifted joint or a head is pulled most
 _OUTLINE_SIGMA = 0.015  # distance between the outlines of body and mask, in sizes
 # Standard deviations at which a pair of outline points pulls most. Beyond, it is probably wrong.
 _OUTLINE_LIMIT = 2.0
 # Error of a lifted joint on motions that took no part in the fit of the lifter.
 _LIFTED_SIGMA_M = 0.05
-_LIFTED_LIMIT = 3.0  # standard deviations at which a lifted joint pulls most
-_HEAD_LIMIT = 3.0  # the same of the direction of a face
 
 NUM_TURNED = 22
 """Number of joints that the fit turns, by three unknowns each: all but jaw, eyes and fingers."""
@@ -396,7 +394,7 @@ class FitProblem:
     def _head_loss(self, body: DecodedUnknowns) -> Tensor:
         """Return the loss (N,) of heads that do not look as their faces do."""
         apart = (head_direction(body.rotations) - self.head).square().sum(1) * self.head_weight
-        return _HEAD_LIMIT**2 * torch.log1p(apart / _HEAD_LIMIT**2)
+        return _LIMIT**2 * torch.log1p(apart / _LIMIT**2)
 
     def _priors(self, unknowns: Tensor, body: DecodedUnknowns) -> Iterator[Tensor]:
         """Yield the losses (N,) of pose, shape, stature, landmark size with pitches, and hinges."""
@@ -444,7 +442,7 @@ class FitProblem:
         beyond = torch.relu((self.legs[:, None] - cosines) / self.legs_sigma[:, None])
         # A square that starts as a cube, since the Hessian is to have no jumps.
         square = beyond.pow(3) / (beyond + 0.5)
-        limit = _LEGS_LIMIT**2
+        limit = _LIMIT**2
         return (limit * torch.log1p(square / limit)).sum((1, 2))
 
     def _level_loss(self, soles: Tensor) -> Tensor:
@@ -459,7 +457,7 @@ class FitProblem:
         """Return the loss (N,) of limbs that do not lie as the lifter tells."""
         limbs = joints[:, LIMB_ROWS] - joints[:, _HIPS].mean(1, keepdim=True)
         apart = (limbs @ self.turn - lifted.joints) / _LIFTED_SIGMA_M
-        limit = _LIFTED_LIMIT**2
+        limit = _LIMIT**2
         robust = limit * torch.log1p(apart.square().sum(-1) / limit)
         return (lifted.weight * robust).sum(1)
 

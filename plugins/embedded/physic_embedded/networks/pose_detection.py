@@ -9,6 +9,7 @@ import numpy as np
 from physic_core.backends.people import box_iou
 from physic_embedded.networks.crops import ImagePyramid, letterbox_square
 from physic_embedded.networks.single_shot_detection import (
+    OVERLAP,
     BoxDetection,
     anchor_centers,
     decode_detections,
@@ -122,7 +123,6 @@ def _points_of(found: BoxDetection, mirrored: bool) -> Float:
 
 
 _NEAR = 0.35  # of the larger radius of two bodies
-_OVERLAP = 0.3  # intersection over union of two boxes
 
 
 def merge_candidates(found: Sequence[BoxDetection]) -> list[BoxDetection]:
@@ -138,7 +138,7 @@ def merge_candidates(found: Sequence[BoxDetection]) -> list[BoxDetection]:
     for d in sorted(found, key=lambda d: -d.score):
         if all(
             np.linalg.norm(d.keypoints[0] - k.keypoints[0]) > _NEAR * max(radius(d), radius(k))
-            and box_iou(d.box[None], k.box[None])[0, 0] < _OVERLAP
+            and box_iou(d.box[None], k.box[None])[0, 0] < OVERLAP
             for k in kept
         ):
             kept.append(d)

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     Float = NDArray[np.floating[Any]]
 
 
-_OVERLAP = 0.3  # boxes with a larger intersection over union are averaged
+OVERLAP = 0.3
+"""Boxes with a larger intersection over union are of one thing."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def decode_detections(
     for i in range(len(kept)):
         if not left[i]:
             continue
-        group = left & (box_iou(boxes[i : i + 1], boxes)[0] > _OVERLAP)
+        group = left & (box_iou(boxes[i : i + 1], boxes)[0] > OVERLAP)
         group[i] = True
         left &= ~group
         weight = scores[group] / scores[group].sum()

@@ -29,7 +29,8 @@ FEET = ((27, 29, 31), (28, 30, 32))
 _CLEAR = 0.5  # confidence of a visible foot
 _REACH = 0.45  # from the middle of the foot, in lengths of the person's trunk
 _MOST_POINTS = 16  # that the network gets
-_LEAST_LABELLED = 0.02  # of the picture; a smaller floor among the labels is ignored
+LEAST_LABELLED = 0.02
+"""Share of the picture. A smaller floor among the labels is ignored."""
 
 
 def visible_feet(pose: Pose, width: int, height: int) -> list[Float]:
@@ -119,7 +120,7 @@ def add_labelled_floor(beside_feet: Bool, surfaces: SurfaceLabels | None, people
     if surfaces is None:
         return beside_feet
     labelled = surfaces.ground & ~people
-    if labelled.mean() < _LEAST_LABELLED:
+    if labelled.mean() < LEAST_LABELLED:
         return beside_feet
     if not people.any():
         return np.asarray(labelled)

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints
 
 # Points of blazepose33.
-_SHOULDERS = slice(11, 13)
-_HIPS = slice(23, 25)
+HEAD = slice(0, 11)
+MIDDLES = {"eyes": [2, 5], "mouth": [9, 10], "shoulders": [11, 12], "hips": [23, 24]}
 _LEGS = slice(25, 29)  # knees and ankles
 _BELOW_TRUNK = slice(23, 33)
 
@@ -22,7 +22,6 @@ _SEEN_LEG = 0.3  # confidence of a knee or an ankle that is seen
 _LEAST_BELOW = 0.4  # lengths of the trunk that are seen below hips whose place is known
 _DOUBTFUL = 0.2
 _SQUEEZED = 1.4  # more than of children
-_MIDDLES = {"eyes": [2, 5], "mouth": [9, 10], "shoulders": [11, 12], "hips": [23, 24]}
 _FACE_OF_TRUNK = 0.18
 """From eyes to mouth, in lengths of the trunk, from where a trunk is short. Of 85 labelled people
 with visible legs 90 % have less than .171, of 44 without most have more than .187."""
@@ -45,10 +44,11 @@ def doubt_hidden_hips(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
     confidence = keypoints.confidence.copy()
     squeezed = squeezes(keypoints.points) > _SQUEEZED
     confidence[squeezed, _BELOW_TRUNK] = confidence[squeezed, _BELOW_TRUNK].clip(max=_DOUBTFUL)
+    hips = MIDDLES["hips"]
     hidden = confidence[:, _LEGS].max(1, initial=0) < _SEEN_LEG
     for i in np.flatnonzero(hidden):
         if _below_hips(keypoints.points[i], masks[i]) < _LEAST_BELOW:
-            confidence[i, _HIPS] = confidence[i, _HIPS].clip(max=_DOUBTFUL)
+            confidence[i, hips] = confidence[i, hips].clip(max=_DOUBTFUL)
     return replace(keypoints, confidence=confidence)
 
 
@@ -62,7 +62,7 @@ def squeezes(points: FloatArray) -> FloatArray:
     def length(first: list[int], second: list[int]) -> FloatArray:
         return np.asarray(np.linalg.norm(points[:, first] - points[:, second], axis=-1).max(axis=1))
 
-    middle = {name: points[:, rows].mean(axis=1) for name, rows in _MIDDLES.items()}
+    middle = {name: points[:, rows].mean(axis=1) for name, rows in MIDDLES.items()}
     face = np.linalg.norm(middle["eyes"] - middle["mouth"], axis=-1)
     trunk = np.linalg.norm(middle["shoulders"] - middle["hips"], axis=-1)
     leg = np.maximum(length([23, 24], [25, 26]), length([25, 26], [27, 28]))
@@ -74,8 +74,8 @@ def _below_hips(points: FloatArray, mask: BoolArray) -> float:
     """Return how far the mask (H, W) of one person reaches below the hips, joints (33, 2) px, in
     lengths of the trunk.
     """
-    hips = points[_HIPS].astype(float).mean(axis=0)
-    trunk = hips - points[_SHOULDERS].astype(float).mean(axis=0)
+    hips = points[MIDDLES["hips"]].astype(float).mean(axis=0)
+    trunk = hips - points[MIDDLES["shoulders"]].astype(float).mean(axis=0)
     rows, columns = np.nonzero(mask)
     if not len(rows) or not trunk.any():
         return 0.0

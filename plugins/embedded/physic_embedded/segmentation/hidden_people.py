@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_embedded.networks.pose import LANDMARK_SIZE
+from physic_embedded.networks.yolox import PADDING_VALUE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_embedded.networks.pose import Pose
-
-GREY = 114
 
 
 def grey_out(image: NDArray[np.uint8], poses: Sequence[Pose]) -> NDArray[np.uint8]:
@@ -31,7 +30,7 @@ def grey_out(image: NDArray[np.uint8], poses: Sequence[Pose]) -> NDArray[np.uint
         x1, y1 = np.minimum(np.ceil(corners.max(axis=0)) + 1, [width, height]).astype(int)
         if x0 < x1 and y0 < y1:
             mask = pose.mask_on_grid(np.arange(x0, x1), np.arange(y0, y1))
-            grey[y0:y1, x0:x1][mask > 0] = GREY
+            grey[y0:y1, x0:x1][mask > 0] = PADDING_VALUE
     return grey
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from physic_core.backends.people import boxes_from_masks
 from physic_core.types import FOUND_TWICE, HARDLY_VISIBLE
 from physic_embedded.networks.mobile_sam import predict_masks
+from physic_embedded.segmentation.hidden_hips import HEAD
 from physic_embedded.segmentation.people import share_inside
 
 if TYPE_CHECKING:
@@ -33,8 +34,6 @@ people.
 
 LIMB_ENDS = slice(15, 33)
 """Landmarks of hands, knees and feet, and of the hips."""
-HEAD = slice(0, 11)
-"""Landmarks of the head."""
 HEAD_SCORE = 0.5
 """A box of lower score does not show that there is a second person."""
 MIN_MASK_SHARE = 0.35

@@ -13,7 +13,7 @@ import numpy as np
 
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.pose import predict_scored_pose
-from physic_embedded.segmentation.hidden_hips import squeezes
+from physic_embedded.segmentation.hidden_hips import HEAD, MIDDLES, squeezes
 from physic_embedded.segmentation.hidden_people import grey_out, without_covered
 
 if TYPE_CHECKING:
@@ -25,10 +25,6 @@ if TYPE_CHECKING:
     from physic_networks.onnx_sessions import OnnxSession
 
     Float = NDArray[np.floating[Any]]
-
-_EYES = [2, 5]
-_MOUTH = [9, 10]
-_FACE = slice(0, 11)
 
 _USUAL_FACE = 0.135  # from eyes to mouth, in lengths of the trunk
 _HIPS_BELOW_EYES = 1.45  # lengths of the trunk
@@ -80,7 +76,7 @@ def _whole_body(
 
 def _is_better(again: Pose, pose: Pose) -> bool:
     """Return whether a second pose is of the same person, sure, and less squeezed."""
-    apart = np.linalg.norm(again.points[_FACE] - pose.points[_FACE], axis=1).mean()
+    apart = np.linalg.norm(again.points[HEAD] - pose.points[HEAD], axis=1).mean()
     return bool(
         apart < _SAME_HEAD * _face_length(pose)
         and again.mirror_gap < _LARGEST_MIRROR_GAP
@@ -91,7 +87,7 @@ def _is_better(again: Pose, pose: Pose) -> bool:
 def _square_from_face(pose: Pose) -> RotatedSquare:
     """Return the upright square of a whole body whose face is that of a pose."""
     trunk = _face_length(pose) / _USUAL_FACE
-    hips = pose.points[_EYES].mean(axis=0) + np.array([0.0, _HIPS_BELOW_EYES * trunk])
+    hips = pose.points[MIDDLES["eyes"]].mean(axis=0) + np.array([0.0, _HIPS_BELOW_EYES * trunk])
     return RotatedSquare(hips, 2.5 * _RADIUS * trunk, 0.0)
 
 
@@ -100,4 +96,8 @@ def _squeeze(pose: Pose) -> float:
 
 
 def _face_length(pose: Pose) -> float:
-    return float(np.linalg.norm(pose.points[_EYES].mean(axis=0) - pose.points[_MOUTH].mean(axis=0)))
+    return float(
+        np.linalg.norm(
+            pose.points[MIDDLES["eyes"]].mean(axis=0) - pose.points[MIDDLES["mouth"]].mean(axis=0)
+        )
+    )

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_embedded.segmentation.floor_mask import LEAST_LABELLED
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     FloatArray = NDArray[np.floating]
     BoolArray = NDArray[np.bool_]
 
-_LABELLED_SHARE = 0.02  # of the picture; a smaller labelled floor is ignored
 _LABELLED_INLIERS = 0.4  # of the labelled pixels; a floor with fewer is looked for anywhere
 _TOLERANCE = 0.012  # of an inlier, ranges of the disparity
 _LEAST_RISE = 0.05  # from the top of the picture to its bottom, ranges
@@ -85,7 +86,7 @@ def fit_disparity_floor(
     value = torch.from_numpy(np.asarray(disparity, np.float64))
     view = InverseDepthMap(pixels, value, everywhere, _TOLERANCE * span, _LEAST_RISE * span, hole)
     plane = None
-    if mask is not None and float(mask.double().mean()) >= _LABELLED_SHARE:
+    if mask is not None and float(mask.double().mean()) >= LEAST_LABELLED:
         plane = plane_of_pixels(view, mask, None, "labels")
         plane = plane if plane is None or plane.inlier_share >= _LABELLED_INLIERS else None
     plane = plane or plane_of_pixels(view, None, None, "lower image")
