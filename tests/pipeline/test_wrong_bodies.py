@@ -82,9 +82,15 @@ def turned(parameters, matrix):
     return Rotation.from_matrix(np.array(matrix) @ old).as_rotvec()
 
 
+PARTS = {"global_orient": 3, "body_pose": 63, "betas": 10, "transl": 3}
+
+
+def amass(path, world):
+    np.savez(path, poses=np.zeros((0, 165)), trans=np.zeros((0, 3)))
+
+
 def film(path, world):
-    parts = {"global_orient": 3, "body_pose": 63, "betas": 10, "transl": 3}
-    tensors = {name: torch.zeros(5, width) for name, width in parts.items()}
+    tensors = {name: torch.zeros(5, width) for name, width in PARTS.items()}
     torch.save({"smpl_params_incam": tensors}, path)
 
 
@@ -118,6 +124,12 @@ WRONG = {
     "numbers of people": (smplx(transl=np.zeros((2, 3))), "different numbers of people"),
     "shapes of arrays": (own(lambda p: {"betas": np.zeros((2, 16))}), r"betas must be \(1, 16\)"),
     "nobody": (own(lambda p: {n: v[:0] for n, v in vars(p).items()}), "no person"),
+    "nobody of SMPL-X": (
+        smplx(**{n: np.zeros((0, k)) for n, k in PARTS.items()}),
+        "no person",
+    ),
+    "no picture of AMASS": (amass, "no person"),
+    "quaternions": (smplx(body_pose=np.full((1, 21, 4), 0.5)), "28 joints"),
     "no mesh": (lambda path, world: write_array(path, np.zeros((0, 6890, 3))), "no person"),
     "another topology": (mesh(5023, 1.7), "5023 vertices"),
     "20 joints": (smplx(body_pose=np.zeros((1, 60))), "20 joints"),

@@ -166,11 +166,17 @@ def _sam_3d_body(document: Any, file: FileOfPhoto) -> _Record:
 
 def _frame(count: int, file: FileOfPhoto) -> int:
     """Return which of some pictures of a film is meant."""
+    _check_count(count)
     if file.frame is None and count > 1:
         raise ValueError(f"it has {count} pictures of a film: set photo.bodies_frame, from 0")
     if (file.frame or 0) >= count:
         raise ValueError(f"photo.bodies_frame is {file.frame}, and it has {count} pictures")
     return file.frame or 0
+
+
+def _check_count(count: int) -> None:
+    if not count:
+        raise ValueError("it states no person")
 
 
 def _gvhmr(document: Any, file: FileOfPhoto) -> _Record:
@@ -200,6 +206,7 @@ def _wham(document: Any, file: FileOfPhoto) -> _Record:
     people = list(document.values())
     frames = [np.ravel(one["frame_ids"]) for one in people]
     shown = np.concatenate(frames)
+    _check_count(len(shown))
     is_film = file.frame is not None or len(np.unique(shown)) > 1
     at = _frame(int(shown.max()) + 1, file) if is_film else shown[0]
     is_shown = [numbers == at for numbers in frames]
@@ -219,7 +226,7 @@ def _wham(document: Any, file: FileOfPhoto) -> _Record:
 def _amass(document: Any, file: FileOfPhoto) -> _Record:
     poses = matrix(document["poses"], "poses")
     poses = poses.reshape(-1, poses.shape[-1])
-    is_still = file.frame is None and not np.ptp(poses, axis=0).any()
+    is_still = file.frame is None and len(poses) > 0 and not np.ptp(poses, axis=0).any()
     at = 0 if is_still else _frame(len(poses), file)
     shape = matrix(document.get("betas", np.zeros(10)), "betas")
     parameters = poses[at : at + 1], shape.reshape(1, -1), _rows(document, "trans", 3)[at : at + 1]
@@ -254,6 +261,7 @@ def _posed(tool: str, document: Mapping[str, Any], *, mean_hands: bool = False) 
     betas = matrix(document["betas"], "betas")
     betas = betas.reshape(-1, betas.shape[-1])
     count = len(betas)
+    _check_count(count)
     pose = np.asarray(document["body_pose"])
     joints = pose.size // (count * (9 if pose.shape[-2:] == (3, 3) else 3))
     if joints not in (21, 23):

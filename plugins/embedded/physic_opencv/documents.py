@@ -40,20 +40,23 @@ def open_document(path: Path) -> Any:
         return _meshes(path)
     with open_regular(path) as stream:
         data = stream.read(_MAX_BYTES + 1)
-    if len(data) > _MAX_BYTES:
-        raise ValueError("it is larger than 1 GiB: keep the pictures that are needed")
+    _check_size(len(data))
     if data[:2] == b"PK":
         return _of_zip(path)
     if data[:6] == b"\x93NUMPY":
         return _of_npy(data)
     if data[:1] == b"\x78":  # joblib's zlib
         unpacked = zlib.decompressobj()
-        data = unpacked.decompress(data, _MAX_BYTES)
-        if unpacked.unconsumed_tail:
-            raise ValueError("unpacked, it is larger than 1 GiB: keep the pictures that are needed")
+        data = unpacked.decompress(data, _MAX_BYTES + 1)
+        _check_size(len(data))
     if data[:1] == b"\x80":
         return _of_pickle(data)
     return parse_json(data.decode("utf-8"))
+
+
+def _check_size(size: int) -> None:
+    if size > _MAX_BYTES:
+        raise ValueError("unpacked, it is larger than 1 GiB: keep the pictures that are needed")
 
 
 def _of_pickle(data: bytes) -> Any:
@@ -79,8 +82,7 @@ def _of_zip(path: Path) -> Any:
     """Return the arrays of an npz by name, or the content of a file of torch."""
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()
-        if sum(entry.file_size for entry in archive.infolist()) > _MAX_BYTES:
-            raise ValueError("unpacked, it is larger than 1 GiB: keep the pictures that are needed")
+        _check_size(sum(entry.file_size for entry in archive.infolist()))
         if not any(name.endswith("data.pkl") for name in names):
             return {name.removesuffix(".npy"): _of_npy(archive.read(name)) for name in names}
     import torch
