@@ -5,11 +5,12 @@
 
 Bodies are fitted to the true joints of photos with a camera, turned by 5 degrees about a common
 axis and by independent angles at each joint that move joints by 50 mm (root mean square, relative
-to the pelvis), and given to the tool. With ``--blazepose``, they are fitted to what the benchmark
-``blazepose`` places, as a user would make them. Truth of ``panoptic`` and ``roundtable`` is that of
-``--triangulated``, which ``truth`` writes. One row for each person, then the means: errors of
-joints in mm, of the pelvis' depth in %, of the floor in degrees, and of the height of the lower
-foot in cm, against that of the body that is fitted to the true joints.
+to the pelvis), and given to the tool. People whose joints do not determine a body are left out.
+With ``--blazepose``, bodies are fitted to what the benchmark ``blazepose`` places, as a user would
+make them. Truth of ``panoptic`` and ``roundtable`` is that of ``--triangulated``, which ``truth``
+writes. One row for each person, then the means: errors of joints in mm, of the pelvis' depth in %,
+of the floor in degrees, and of the height of the lower foot in cm, against that of the body that is
+fitted to the true joints.
 """
 
 from __future__ import annotations
@@ -55,6 +56,7 @@ SIGMA_M = 0.05
 TURN_DEG = 5.0
 DISTANCE_SIGMA = 0.01  # stated; places are true
 ERRORS = {"mpjpe": "mpjpe_mm", "root": "root_aligned_mm", "pa": "pa_mpjpe_mm"}
+_UNTRUE_M = 0.15  # from a true joint, from which on a fitted body is not the true one
 _FEET = slice(10, 12)
 _BODY = 22
 
@@ -110,7 +112,9 @@ def _rows(
     question = question_of(sample)
     assert question.camera is not None
     start = _fitted(np.array(truth))
-    is_fitted = np.isfinite(start.transl).all(1)  # not without both hips
+    apart = np.linalg.norm(_joints(start)[:, BODY_ROWS] - truth, axis=-1)
+    # not without both hips, and not where the arm of an unknown elbow is elsewhere
+    is_fitted = np.isfinite(start.transl).all(1) & ~(apart > _UNTRUE_M).any(1)
     truth, start = [truth[i] for i in np.flatnonzero(is_fitted)], start[is_fitted]
     if not truth:
         return
