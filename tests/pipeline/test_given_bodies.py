@@ -67,7 +67,7 @@ def moved_by_a_pixel(keypoints, *_):
 
 def test_stated_error_decides_between_the_place_of_a_body_and_of_keypoints(tmp_path, world):
     off = []
-    for sigma in (0.005, 0.2):
+    for sigma in (0.005, 0.4):
         found = run(
             world.image,
             f"photo.bodies={written(tmp_path, world)}",
