@@ -5,7 +5,7 @@
 # Measured on 2026-11-29 with pyrealsense2 2.59.1.11053: not for two of them, in silence. For modified_brown_conrady,
 # `rs2_deproject_pixel_to_point` leaves the distortion out, which is 12 px here; for ftheta it divides by an
 # arctangent where the model has twice a tangent, which is 61 px. The models none, brown_conrady,
-# inverse_brown_conrady and kannala_brandt4 come back.
+# inverse_brown_conrady and kannala_brandt4 come back. Needs a system library of its wheel (Debian: libusb-1.0-0).
 # Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install pyrealsense2==2.59.1.11053 numpy==2.4.6
