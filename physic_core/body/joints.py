@@ -45,6 +45,9 @@ def joint_pair(name: str) -> list[int]:
     return [JOINT_INDEX[f"{side}_{name}"] for side in SIDES]
 
 
+MAX_FLEXION = 2.7
+"""Largest bend of knees and elbows, radians."""
+
 _LIMBS = ("upper_arm", "lower_arm", "hand", "upper_leg", "lower_leg", "foot")
 
 PART_NAMES: tuple[str, ...] = (

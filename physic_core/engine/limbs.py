@@ -24,9 +24,11 @@ _TRUNK = [
     *joint_pair("shoulder"),
 ]
 
-_LOWEST_SHARE = 0.01  # of the skin, whose place is less sure than that of all
+LOWEST_SHARE = 0.01
+"""Share of the skin whose place is less sure than that of all."""
 _LAYER_M = 0.05
-_MAX_FINGER_KEYPOINTS = 10  # a joint set with more has keypoints of all finger joints
+MAX_FINGER_KEYPOINTS = 10
+"""A joint set with more has keypoints of all finger joints."""
 
 
 def limb_part_indices(part_names: Sequence[str]) -> list[int]:
@@ -58,7 +60,7 @@ def lowest_layer(height: Tensor, skin: Tensor) -> Tensor:
     """Return the lowest layer (V,) bool of the skin (V,) bool of one body, without the lowest 1 %,
     by the heights (V,) of its vertices, metres: what rests if any part may.
     """
-    lowest = height[skin].kthvalue(max(1, round(_LOWEST_SHARE * int(skin.sum())))).values
+    lowest = height[skin].kthvalue(max(1, round(LOWEST_SHARE * int(skin.sum())))).values
     return skin & (height >= lowest) & (height < lowest + _LAYER_M)
 
 
@@ -86,7 +88,7 @@ def placement_keypoints(skeleton: Skeleton) -> list[int]:
     """
     fingers = {j for j, name in enumerate(skeleton.names) if is_finger(name)}
     return [
-        j for j in range(len(skeleton)) if len(fingers) <= _MAX_FINGER_KEYPOINTS or j not in fingers
+        j for j in range(len(skeleton)) if len(fingers) <= MAX_FINGER_KEYPOINTS or j not in fingers
     ]
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
+from physic_core.engine.photo import FEWEST_PIXELS
 from physic_core.engine.sizes.known_sizes import size_beside_others
 from physic_core.engine.sizes.stature import size_sigmas, stature_sigmas
 from physic_core.geometry.camera import project
@@ -34,7 +35,6 @@ _LONG_SIDE_PX = 400
 _RIM = 0.03  # roots of the mask's area by which a body may leave the mask
 _IN_FRONT_M = 0.05  # a scene point nearer than the body by more hides it
 _LOW_SHARE = 0.15  # of the silhouette's height: feet of a standing person, seat or knees of another
-_FEWEST_PIXELS = 10  # with a depth, for a median
 
 
 def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
@@ -264,7 +264,7 @@ def _low_depth_ratio(depth: Tensor, mask: Tensor, photo_depth: Tensor) -> float 
     low[int(rows[-1] - _LOW_SHARE * (rows[-1] - rows[0])) :] = True
     ratio = (photo_depth / depth)[body & mask & low]
     ratio = ratio[torch.isfinite(ratio) & (ratio > 0)]
-    return float(ratio.median()) if len(ratio) >= _FEWEST_PIXELS else None
+    return float(ratio.median()) if len(ratio) >= FEWEST_PIXELS else None
 
 
 def _share(part: Tensor, surface: Tensor) -> float | None:

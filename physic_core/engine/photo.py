@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from physic_core.types.known_sizes import KnownPeople
 
 
+FEWEST_PIXELS = 10
+"""Fewest pixels of a region whose depth, labels or ground count."""
+
+
 @dataclass(frozen=True)
 class PixelPoints(ShortRepr):
     """A point map as tensors on the CPU.

@@ -15,6 +15,7 @@ from physic_core.body.joints import joint_pair
 from physic_core.body.posture import LYING_DEG, lean_deg, standing_legs, trunk_tilt_deg
 from physic_core.engine.body_parts import OBSERVED
 from physic_core.engine.ground.posture import is_upright
+from physic_core.engine.limbs import LOWEST_SHARE
 from physic_core.judge.photo import NO_FLOOR, relative_difference
 from physic_core.judge.spec import NO_BODY, OTHER_BODY, SIDE_VIEW, YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
@@ -43,7 +44,6 @@ _NOT_TO_USE = f"see {SIDE_VIEW}. If it is wrong, do not use this distance, or gi
 _HEAD = ("nose", "eye_surface", "ear_surface")
 _FEWEST_HEAD = 3
 _SUPPORT_M = 0.1  # largest distance from what carries
-_LOWEST_SHARE = 0.01  # of the vertices, below which the body of a person who lies may reach
 _FAR_BELOW_M = 0.5  # of soles below the floor: no error of a floor that people stand on
 _LIES_DEG = 60.0  # lean beyond which people lie
 
@@ -181,7 +181,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
         )
     if result.scene.floor is not None and lies(result, person):
         above = who.vertices @ result.scene.floor.normal
-        low = float(np.quantile(above, _LOWEST_SHARE)) + result.scene.floor.offset
+        low = float(np.quantile(above, LOWEST_SHARE)) + result.scene.floor.offset
         if low < -_SUPPORT_M:
             reasons.append(
                 (

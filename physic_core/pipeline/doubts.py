@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.engine.contact.distances import SEARCH_RADIUS_M
+from physic_core.engine.ground.report import SIZES_DISAGREE
 from physic_core.interfaces.comparison import describe_difference, is_sigmoid_of_probability
 from physic_core.judge.trust import load_of
 from physic_core.types.observations import LEAST_PROBABILITY
@@ -50,7 +51,6 @@ _ANSWERS_OF = {
     "low_depth": ("relative_pointmap", "keypoint_detector", "body_estimator"),
 }
 """Check -> interfaces whose answers it compares with those of others."""
-_OTHER_SIZE = 0.25  # logarithm of a person's size by the floor and others over the stated one
 _EQUAL = "two people have the same values: is one photo, or one sum, repeated for all?"
 
 
@@ -206,14 +206,14 @@ def _distances(result: Reconstruction) -> Iterator[tuple[str, float, str]]:
         away = row["log_ratio"]
         if (
             row["by"] in ("size", "soles")
-            and abs(away) > _OTHER_SIZE
+            and abs(away) > SIZES_DISAGREE
             and row["right"] < LEAST_PROBABILITY
         ):
             person = row["person"]
             says_child = (result.people[person].child_probability or 0.0) > LEAST_PROBABILITY
             yield (
                 "person_observer" if says_child else "body_estimator",
-                abs(away) / _OTHER_SIZE,
+                abs(away) / SIZES_DISAGREE,
                 f"floor and others make person {person} {math.exp(-away):.2g} times as tall",
             )
 

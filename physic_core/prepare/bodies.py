@@ -18,6 +18,7 @@ from physic_core.geometry.raster import rasterize
 from physic_core.geometry.readings import mask_iou, turned_masks
 from physic_core.interfaces.bodies import valid_body_rows
 from physic_core.io.body_file import with_columns_of_zeros
+from physic_core.prepare.people import LEAST_OVERLAP
 from physic_core.types import BodyParameters
 from physic_core.types.skeletons import SURE_CONFIDENCE, mirrored_order
 
@@ -35,8 +36,6 @@ if TYPE_CHECKING:
         People,
     )
 
-_LEAST_OVERLAP = 0.3
-"""Least overlap of outlines or boxes of a body and the person whose it is."""
 _JOINTS = 22
 _OFF = 0.15  # of the diagonal of a person's joints, from which on keypoints contradict a body
 _MUCH_BETTER = 0.5  # of that, by which another reading of the file explains the keypoints
@@ -91,7 +90,7 @@ def match_to_people(
     boxes = boxes_from_masks(outlines).astype(np.float64)
     overlap = box_iou(boxes, np.asarray(people.boxes, np.float64))
     overlap += mask_iou(outlines, people.masks)
-    allowed = overlap > _LEAST_OVERLAP
+    allowed = overlap > LEAST_OVERLAP
     for body, person in zip(*linear_sum_assignment(np.where(allowed, -overlap, 1.0)), strict=True):
         if allowed[body, person]:
             rows[person] = body

@@ -41,10 +41,9 @@ _EDGE_PX = 4
 _ROUGH = 0.2  # share of other pixels in a column of a blurred side
 _MIXED_PX = 3.0  # that average the texture of wood and cloth
 _ONE_GROUND = 26.0  # largest deviation of its colour, of 255 in Lab
-_CUT_DEG = 6.0  # the rectangle inside a picture that is turned more has too little of it
+_CUT_DEG = 6.0  # of a picture, turned or seen from the side: the rectangle in it shows most of it
 _STRAIGHT_DEG = 0.5  # of a bar that crosses the photo: a screen draws it along the pixels
 _PLAIN_BAR = 0.75  # mean deviation of such a bar's colour, of 255
-_SQUARE_DEG = 6.0  # a corner of a picture that is looked at from the front
 _ONE_COLOUR = 4  # largest difference of a plain ground from its colour; walls have shading
 _GROUND_SIDE = 400  # px of the long side, at which it is looked for
 _PLAIN_GROUND = 0.3  # least share of the area
@@ -228,7 +227,7 @@ def _outermost_layer(image: UInt8Array) -> _Layer:
     for one in pictures[:1]:
         if one.share < max(_PICTURE, _MOST * _largest_share(~outer)):
             break
-        if one.broken or one.turn_deg > _CUT_DEG or one.skew_deg > _SQUARE_DEG:
+        if one.broken or max(one.turn_deg, one.skew_deg) > _CUT_DEG:
             return _Layer(uncut=(one,))
         # inwards by what the scale and the median blur
         middle = one.corners.mean(0)

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
         PeoplePrompt,
     )
 
-_MIN_BOX_IOU = 0.3
-"""Minimum overlap of a detected person's box with the user's box to be the same person."""
+LEAST_OVERLAP = 0.3
+"""Least overlap of a detected person with the box or the body that the user gives."""
 _MIN_MASK_IOU = 0.5
 """Minimum overlap of a given mask with a detected one to keep the detected keypoints."""
 
@@ -206,13 +206,13 @@ def person_at_point(people: People, point: tuple[float, float]) -> int | None:
 
 def person_in_box(people: People, box: tuple[float, float, float, float]) -> int | None:
     """Return the person whose box has the largest intersection over union with a box; None below
-    ``_MIN_BOX_IOU``.
+    ``LEAST_OVERLAP``.
     """
     if not len(people):
         return None
     overlap = box_iou(np.array([box]), np.asarray(people.boxes, np.float64))[0]
     best = int(overlap.argmax())
-    return best if overlap[best] >= _MIN_BOX_IOU else None
+    return best if overlap[best] >= LEAST_OVERLAP else None
 
 
 def _best_match(mask: BoolArray, masks: BoolArray) -> int | None:

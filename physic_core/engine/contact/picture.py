@@ -15,6 +15,7 @@ from torch import Tensor
 
 from physic_core.engine.body_parts import SEAT
 from physic_core.engine.contact.parts import SAT_ON
+from physic_core.engine.photo import FEWEST_PIXELS
 from physic_core.geometry.camera import project
 from physic_core.geometry.pixels import dilate_square
 from physic_core.types.people import GROUND_SURFACES
@@ -31,7 +32,6 @@ _CARRIES = {
 """Kind of part -> labels that may name what it touches."""
 
 _REACH = 0.08  # of the height of a person's mask: pixels around a part
-_FEWEST_PIXELS = 10  # around a part that is seen together with what is beside it
 _LEAST_SHARE = 0.3  # of the pixels around a part with a label that names what it touches
 
 
@@ -69,7 +69,7 @@ class PeopleInPicture:
             return None
         photo = self.photo
         labels = photo.labels[self._around(person, skin) & ~photo.hole]
-        if len(labels) < _FEWEST_PIXELS:
+        if len(labels) < FEWEST_PIXELS:
             return None
         share = torch.bincount(labels, minlength=len(photo.label_names)) / len(labels)
         shares = dict(zip(photo.label_names, share.tolist(), strict=True))

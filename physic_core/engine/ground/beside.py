@@ -14,6 +14,7 @@ from torch import Tensor
 from physic_core.engine.ground.floor import GroundAtSoles
 from physic_core.engine.ground.stance import Stance
 from physic_core.engine.limbs import lowest_layer, observed_parts
+from physic_core.engine.photo import FEWEST_PIXELS
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.arrays import select_people
 from physic_core.types.observations import TOUCH_PARTS
@@ -33,7 +34,6 @@ RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 _BESIDE_SOLES = 0.12  # of the height of a person's mask: reach of the ground beside soles
 _BESIDE_SOLES_PHOTO = 0.02  # of the photo's long side, added to it
 _FORESHORTENED = 0.6  # height over width of the window
-_FEWEST_PIXELS = 10  # of that ground
 _RESTS = 0.9  # probability that people who lie do so on the ground below them
 _RESTS_AMONG_RAISED = 0.4  # the same above what can carry people
 _BELOW = 0.05  # of the diagonal of a person's mask: reach of the ground below it
@@ -152,7 +152,7 @@ def ground_at_soles(
         else:
             window = _at_soles(photo, i)
         ground = (window & ~photo.hole).nonzero()
-        if len(ground) >= _FEWEST_PIXELS:
+        if len(ground) >= FEWEST_PIXELS:
             at = ground[:, 0], ground[:, 1]
             stands = float(on_feet[i])
             if rests:

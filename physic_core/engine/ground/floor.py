@@ -23,6 +23,7 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import LYING_DEG, standing_legs, trunk_tilt_deg
 from physic_core.engine.ground.lying import LYING_RATE, Background, plane_beneath_lying_people
+from physic_core.engine.ground.posture import UPRIGHT_DEG
 from physic_core.engine.up import Up, angle_deg, level_plane
 from physic_core.geometry.floor import (
     FOCAL_PITCH_DEG,
@@ -78,8 +79,6 @@ _NO_FLOOR_NATS = 1.5  # for "no floor", which has no pixel to explain
 _UP_SIGMA_DEG = 6.0  # of a confident up direction
 _AXIS_SIGMA_DEG = 15.0  # between people who stand straight and up
 _IN_MASK_SHARE = 0.4  # least share of a floor mask on a floor that is where the segmenter sees it
-# Least cosine between straight bodies and the camera's up axis.
-_STANDS = math.cos(math.radians(45.0))
 # Of a camera over people who lie, from straight down: a guess, one photo has 6 degrees.
 _DOWN_SIGMA_DEG = 12.0
 # Of cameras in hands: mean log density -2.45 on 57 floors of one half of the labelled photos that
@@ -461,7 +460,7 @@ def standing_score(normal: Tensor, joints: Tensor) -> float:
     axes = torch.nn.functional.normalize(
         axes[:, JOINT_INDEX["neck"]] - axes[:, joint_pair("ankle")].mean(1), dim=-1
     )
-    axes = axes[-axes[:, 1] > _STANDS]
+    axes = axes[-axes[:, 1] > math.cos(math.radians(UPRIGHT_DEG))]
     angles = sorted(angle_deg(axis, normal) for axis in axes)
     return rate + (_robust_nats(angles[len(angles) // 2] / _AXIS_SIGMA_DEG) if angles else 0.0)
 

@@ -19,8 +19,11 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Keypoints, Observations
 
 _UPRIGHT_POSTURES = ("stand", "walk", "run", "sit", "ride")
-_STANDS = 0.7  # probability from which on people stand or walk: 101 of 117 are labelled so
-_UPRIGHT_DEG = 45.0  # largest angle of an upright trunk from up in the picture
+# Probability from which on people stand or walk: 101 of 117 are labelled so. At .5 to .7 people
+# lean by up to 28 degrees.
+_STANDS = 0.7
+UPRIGHT_DEG = 45.0
+"""Largest angle of an upright trunk from up in the picture."""
 
 # Of people whose trunk points to the side or down: rounded counts of 67 pictures of exercises and
 # 94 everyday photos. Planks and push-ups, which no posture names, are left out.
@@ -119,7 +122,7 @@ def is_upright(keypoints: Keypoints, said: Observations) -> BoolArray:
     axis = trunk_in_picture_deg(keypoints)
     postures = [POSTURES.index(name) for name in _UPRIGHT_POSTURES]
     likely = said.posture[:, postures].sum(1)
-    return np.asarray(~(np.abs(axis) > _UPRIGHT_DEG) & ~(likely < LEAST_PROBABILITY))
+    return np.asarray(~(np.abs(axis) > UPRIGHT_DEG) & ~(likely < LEAST_PROBABILITY))
 
 
 def may_rest_on_any_part(keypoints: Keypoints, said: Observations) -> BoolArray:
@@ -133,8 +136,14 @@ def may_rest_on_any_part(keypoints: Keypoints, said: Observations) -> BoolArray:
     trunk_visible = (
         keypoints_of_both_sides(keypoints, "shoulder", "hip")[1].min((1, 2)) >= SEEN_CONFIDENCE
     )
-    across = trunk_visible & (np.abs(trunk_in_picture_deg(keypoints)) > _UPRIGHT_DEG)
+    across = trunk_visible & (np.abs(trunk_in_picture_deg(keypoints)) > UPRIGHT_DEG)
     return np.asarray(across | (said.posture[:, POSTURES.index("lie")] > LEAST_PROBABILITY))
+
+
+def surely_stand(said: Observations) -> BoolArray:
+    """Return which of N people surely stand or walk by the observer, (N,) bool."""
+    postures = [POSTURES.index(name) for name in ("stand", "walk")]
+    return np.asarray(said.posture[:, postures].sum(1) > _STANDS)
 
 
 def trunk_planes_of_standing(
@@ -149,8 +158,7 @@ def trunk_planes_of_standing(
         camera: of the photo.
     """
     points, confidence = keypoints_of_both_sides(keypoints, "shoulder", "hip")
-    postures = [POSTURES.index(name) for name in ("stand", "walk")]
-    stands = said.posture[:, postures].sum(1) > _STANDS
+    stands = surely_stand(said)
     stands &= confidence.min((1, 2)) >= SEEN_CONFIDENCE
     pixels = points[stands].reshape(-1, 4, 2).astype(np.float64)
     rays = np.concatenate([pixels, np.ones((*pixels.shape[:2], 1))], 2)

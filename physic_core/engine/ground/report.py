@@ -21,7 +21,8 @@ from physic_core.types.known_sizes import KnownPeople, size_option
 if TYPE_CHECKING:
     from physic_core.types import BodyContact, BoolArray, FloatArray
 
-_DISAGREES = 0.25  # logarithm of a scale, of people who are named in a note
+SIZES_DISAGREE = 0.25
+"""Logarithm of the ratio of two sizes of a person from which on a note or a warning names them."""
 _RIVAL = 0.2  # probability of other floors, from which on a note names the likeliest
 _RIVAL_DEG = 5.0  # off the chosen floor
 _FEWEST_ON_FLOOR = 2  # people from whom each other's size follows
@@ -48,7 +49,7 @@ def size_notes(
             if ratio[i] > 0
             else f"If you know the height, give {size_option('--stature METERS', len(ratio))}"
         )
-        for i in np.flatnonzero(np.abs(ratio) > _DISAGREES).tolist()
+        for i in np.flatnonzero(np.abs(ratio) > SIZES_DISAGREE).tolist()
     )
 
 
@@ -124,7 +125,8 @@ def small_statures(
         return {}
     ratio = np.where(on_floor & unknown, vote.residuals(soles), -np.inf)
     return {
-        int(i): ADULT_STATURE_M * math.exp(-ratio[i]) for i in np.flatnonzero(ratio > _DISAGREES)
+        int(i): ADULT_STATURE_M * math.exp(-ratio[i])
+        for i in np.flatnonzero(ratio > SIZES_DISAGREE)
     }
 
 

@@ -16,6 +16,7 @@ from physic_embedded.networks.pose import person_square, predict_pose
 from physic_embedded.networks.pose_detection import detect_people
 from physic_embedded.networks.sessions import PackagedBackend
 from physic_embedded.segmentation.hidden_hips import doubt_hidden_hips
+from physic_embedded.segmentation.people import LEAST_FIT
 from physic_embedded.segmentation.turned import look_turned, square_around
 from physic_networks.onnx_sessions import select_provider
 from physic_networks.runtime import onnxruntime
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
     from physic_networks.onnx_sessions import OnnxSession
 
 _LOWEST_SCORE = 0.1  # of the detector, from which a candidate in a person's box is tried
-MIN_MASK_FIT = 0.15
-"""A pose with a lower overlap with the mask belongs to another person."""
 
 
 class EmbeddedKeypointsOptions(Options):
@@ -81,7 +80,7 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
             for mask, box in zip(people.masks, people.boxes, strict=True)
         ]
         found = keypoints_from_poses([pose for pose, _ in looks], *image.shape[:2])
-        lost = np.array([fit < MIN_MASK_FIT for _, fit in looks], bool)
+        lost = np.array([fit < LEAST_FIT for _, fit in looks], bool)
         found = replace(found, confidence=np.where(lost[:, None], np.float32(0), found.confidence))
         return doubt_hidden_hips(found, people.masks)
 

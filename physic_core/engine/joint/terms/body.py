@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import PARENTS, joint_pair
+from physic_core.body.joints import MAX_FLEXION, PARENTS, joint_pair
 from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.variables import DEPTH_SIGMA, RAY_SIGMA, Variables
@@ -177,7 +177,6 @@ def hinge_angles(rotations: Tensor) -> Tensor:
     return torch.atan2(sine * sine.new_tensor(_HINGE_SIGNS), cosine)
 
 
-_MAX_FLEXION = 2.7  # radians, of knees and elbows
 _FLEXION_SIGMA = 1.0 / 12.0  # radians, about 5 degrees
 
 
@@ -187,7 +186,7 @@ def limit_energy(rotations: Tensor) -> Tensor:
     ``sum_h (max(0, -a_h)^2 + max(0, a_h - 2.7)^2) / sigma^2`` over knees and elbows.
     """
     angle = hinge_angles(rotations)
-    beyond = angle - angle.clamp(0.0, _MAX_FLEXION)
+    beyond = angle - angle.clamp(0.0, MAX_FLEXION)
     return (beyond / _FLEXION_SIGMA).square().sum(-1)
 
 

@@ -157,7 +157,8 @@ class ContactTerm(SurfaceTerm):
         return SurfaceResidual(touched, SurfaceSlopes(self.on_scene, ~self.on_scene))
 
 
-_PLANE_SIGMA_M = 0.015  # expected error of the plane, metres
+# Expected error of the plane, metres. A foot more than about 3 cm over it is an outlier.
+_PLANE_SIGMA_M = 0.015
 _UNSEEN_FLOOR_SHARE = 0.3  # of the weight, for invisible limbs
 # Invisible limbs of people with deeper vertices have no weight: leg pose or floor is wrong.
 _MAX_FLOOR_DEPTH_M = 0.2
@@ -227,7 +228,6 @@ def lowest_height(height: Tensor) -> Tensor:
     return height.gather(-1, lowest_sole_indices(height)).mean(-1)
 
 
-_SOLE_SIGMA_M = 0.015  # a foot more than about 3 cm over the floor is an outlier
 _LOWER_SIGMA_M = 0.04
 
 
@@ -248,7 +248,7 @@ def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor) -> Tensor:
     lower = torch.where(weighted, lowest, torch.inf).amin(-1)
     # 0 * inf is NaN
     lower = torch.where(weighted.any(-1), lower, 0.0)
-    near = robust_loss("geman_mcclure", lowest.square() / _SOLE_SIGMA_M**2, OUTLIER_SIGMAS)
+    near = robust_loss("geman_mcclure", lowest.square() / _PLANE_SIGMA_M**2, OUTLIER_SIGMAS)
     far = robust_loss("cauchy", lower.square() / _LOWER_SIGMA_M**2, OUTLIER_SIGMAS)
     return (weight * near).sum(-1) + lower_weight * far
 

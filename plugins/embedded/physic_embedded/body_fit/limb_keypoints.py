@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from physic_core.engine.limbs import MAX_FINGER_KEYPOINTS
 from physic_core.errors import BackendError
 from physic_core.types import SIDES, SKELETONS, is_finger
 
@@ -19,7 +20,6 @@ LIMBS = tuple(
 
 HIP_WEIGHT = 0.5
 """Share of the weight of a hip: networks mark hips on the surface, bodies have them inside."""
-_MOST_FINGERS = 10  # points on fingers; a skeleton with more has whole hands
 
 
 def limb_keypoints(keypoints: Keypoints) -> Keypoints:
@@ -42,7 +42,7 @@ def limb_keypoints(keypoints: Keypoints) -> Keypoints:
             "detector that detects them"
         )
     columns = list(skeleton.fitted)
-    if sum(is_finger(skeleton.names[i]) for i in columns) > _MOST_FINGERS:
+    if sum(is_finger(skeleton.names[i]) for i in columns) > MAX_FINGER_KEYPOINTS:
         columns = [i for i in columns if skeleton.names[i] in SKELETONS["coco23"].names]
     if len(columns) == len(skeleton):
         return keypoints

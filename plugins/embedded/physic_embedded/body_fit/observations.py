@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.types import Observations
+from physic_core.types import SEEN_CONFIDENCE, Observations
 from physic_embedded.body_fit.limb_keypoints import HIP_WEIGHT, sided_indices
 
 if TYPE_CHECKING:
@@ -29,8 +29,7 @@ SIZE_STATURE_M = 1.72
 
 
 _OUTSIDE = 0.05  # weight left to a keypoint outside the picture, which the network can only guess
-_UNSEEN = 0.3  # confidence below which a keypoint counts as hidden
-_UNSEEN_WEIGHT = 0.1  # share of its 2D weight that it keeps
+_UNSEEN_WEIGHT = 0.1  # share of its 2D weight that a hidden keypoint keeps
 LEAST_WORLD_WEIGHT = 0.15
 """Least weight of a 3D landmark."""
 
@@ -103,7 +102,7 @@ def observe_people(
     hips = sided_indices(skeleton, "hip")
     points = np.asarray(keypoints.points, np.float64)
     confidence = _confidence_inside(keypoints, intrinsics)
-    weight = np.where(confidence < _UNSEEN, _UNSEEN_WEIGHT, 1) * confidence
+    weight = np.where(confidence < SEEN_CONFIDENCE, _UNSEEN_WEIGHT, 1) * confidence
     weight[:, hips] *= HIP_WEIGHT
     world: FloatArray | None = (
         None if keypoints.world is None else np.asarray(keypoints.world, np.float64)

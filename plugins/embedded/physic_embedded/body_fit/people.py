@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.backends.devices import limited_threads
 from physic_core.body import JOINT_NAMES, joint_pair, parameters_from_rotations, standing_legs
-from physic_core.engine.ground.posture import is_upright, trunk_in_picture_deg
+from physic_core.engine.ground.posture import is_upright, surely_stand, trunk_in_picture_deg
 from physic_core.geometry import rotmat_to_rotvec
 from physic_core.types import LEAST_PROBABILITY, POSTURES, SURE_CONFIDENCE, Bodies, Observations
 from physic_embedded.body_fit.fit import fit_bodies, fit_outlines, lifted_limbs
@@ -66,9 +66,6 @@ _HALVING_RISE = 75.0
 _FREE_RISE = 25.0
 _MAX_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
 _ACROSS_DEG = 60.0  # from up in the picture, of a trunk that is not compared with the vertical
-# Probability from which on people stand or walk: 101 of 117 are labelled so. At .5 to .7 people
-# lean by up to 28 degrees.
-_STANDS = 0.7
 
 _ROTATION_SIGMA = {
     "pelvis": 0.39,
@@ -287,9 +284,7 @@ def _restart(
 
 def _stands(keypoints: Keypoints, said: Observations) -> BoolArray:
     """Return which of N people surely stand or walk by picture and observer, (N,) bool."""
-    postures = [POSTURES.index(name) for name in ("stand", "walk")]
-    stands = said.posture[:, postures].sum(1) > _STANDS
-    return np.asarray(stands & is_upright(keypoints, said))
+    return np.asarray(surely_stand(said) & is_upright(keypoints, said))
 
 
 def _rotation_sigma(

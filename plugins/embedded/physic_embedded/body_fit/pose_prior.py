@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-MAX_HINGE_ANGLE = 2.7
-"""Largest bend of knees and elbows, radians."""
-
 # Standard deviations in radians about x, y, z of each joint's own T-pose axes; left and right
 # alike.
 _SIGMA: dict[str, tuple[float, float, float]] = {

@@ -11,13 +11,13 @@ import numpy as np
 import torch
 
 from physic_core.body import JOINT_INDEX, head_direction, joint_pair
+from physic_core.body.joints import MAX_FLEXION
 from physic_core.engine.sizes.stature import mean_adult_betas
 from physic_core.geometry import rotvec_to_rotmat
 from physic_core.types import PER_PERSON, SURE_CONFIDENCE, select_people
 from physic_embedded.body_fit.limb_keypoints import LIMBS, sided_indices
 from physic_embedded.body_fit.observations import SIZE_STATURE_M
 from physic_embedded.body_fit.pose_prior import (
-    MAX_HINGE_ANGLE,
     hinge_joints,
     pose_prior,
     relaxed_finger_pose,
@@ -406,7 +406,7 @@ class FitProblem:
         for row, axis, sign in hinge_joints():
             bend = sign * body.pose[:, row, axis]
             yield (_HINGE_WEIGHT * torch.relu(-bend)).square()
-            yield (_HINGE_WEIGHT * torch.relu(bend - MAX_HINGE_ANGLE)).square()
+            yield (_HINGE_WEIGHT * torch.relu(bend - MAX_FLEXION)).square()
 
     def _pitch(self, line: Tensor) -> Tensor:
         """Return the angles (N,) of lines (N, 3) from the vertical, seen from the side, radians."""

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from physic_core.backends.masks import dilate
+from physic_core.types import SURE_CONFIDENCE
 from physic_embedded.networks.mobile_sam import predict_masks
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 FEET = ((27, 29, 31), (28, 30, 32))
 """Landmark indices of ankle, heel and toe of the left and the right foot."""
 
-_CLEAR = 0.5  # confidence of a visible foot
 _REACH = 0.45  # from the middle of the foot, in lengths of the person's trunk
 _MOST_POINTS = 16  # that the network gets
 LEAST_LABELLED = 0.02
@@ -39,7 +39,9 @@ def visible_feet(pose: Pose, width: int, height: int) -> list[Float]:
     """
     confidence = pose.confidence(width, height)
     return [
-        pose.points[list(f[1:])].mean(axis=0) for f in FEET if confidence[list(f)].min() > _CLEAR
+        pose.points[list(f[1:])].mean(axis=0)
+        for f in FEET
+        if confidence[list(f)].min() > SURE_CONFIDENCE
     ]
 
 

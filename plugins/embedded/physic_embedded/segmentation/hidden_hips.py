@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.types import SEEN_CONFIDENCE
+
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints
 
@@ -18,7 +20,6 @@ MIDDLES = {"eyes": [2, 5], "mouth": [9, 10], "shoulders": [11, 12], "hips": [23,
 _LEGS = slice(25, 29)  # knees and ankles
 _BELOW_TRUNK = slice(23, 33)
 
-_SEEN_LEG = 0.3  # confidence of a knee or an ankle that is seen
 _LEAST_BELOW = 0.4  # lengths of the trunk that are seen below hips whose place is known
 _DOUBTFUL = 0.2
 _SQUEEZED = 1.4  # more than of children
@@ -45,7 +46,7 @@ def doubt_hidden_hips(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
     squeezed = squeezes(keypoints.points) > _SQUEEZED
     confidence[squeezed, _BELOW_TRUNK] = confidence[squeezed, _BELOW_TRUNK].clip(max=_DOUBTFUL)
     hips = MIDDLES["hips"]
-    hidden = confidence[:, _LEGS].max(1, initial=0) < _SEEN_LEG
+    hidden = confidence[:, _LEGS].max(1, initial=0) < SEEN_CONFIDENCE
     for i in np.flatnonzero(hidden):
         if _below_hips(keypoints.points[i], masks[i]) < _LEAST_BELOW:
             confidence[i, hips] = confidence[i, hips].clip(max=_DOUBTFUL)

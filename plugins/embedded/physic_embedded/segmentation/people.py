@@ -59,8 +59,8 @@ well.
 """
 LEAST_SCORE = 0.2
 """Score from which on a box without a pose is reported: somebody may be there."""
-MIN_BOX_FIT = 0.15
-"""A pose with a lower fit to its box belongs to another person or to nothing."""
+LEAST_FIT = 0.15
+"""A pose with a lower fit to its box or mask belongs to another person or to nothing."""
 MIN_WEAK_FIT = 0.3
 """The same for a box with a weak score."""
 CUT_FROM = 0.99
@@ -315,7 +315,7 @@ def _add_hidden_people(
         if len(grey) != len(kept):
             grey = [person.pose for person in kept]
             picture = ImagePyramid.from_image(grey_out(image, grey))
-        least = MIN_BOX_FIT if score >= box_score else MIN_WEAK_FIT
+        least = LEAST_FIT if score >= box_score else MIN_WEAK_FIT
         for pose in _poses_of_hidden_person(landmarker, picture, box, least):
             fit = float(score * pose.score * np.sqrt(box_fit(pose, box)))
             person = DetectedPose(without_covered(pose, grey), fit, box)
@@ -430,7 +430,7 @@ def _best_poses(
         similar = list(compress(poses, fits >= SIMILAR_FIT * fits.max()))
         best = min(similar, key=lambda pose: pose.mirror_gap - 0.05 * pose.score)
         best = average_agreeing(best, similar, SAME_PLACE)
-        least = MIN_BOX_FIT if score >= box_score else MIN_WEAK_FIT
+        least = LEAST_FIT if score >= box_score else MIN_WEAK_FIT
         if best.score > 0.5 and fits.max() > least:
             found.append(DetectedPose(best, float(score * best.score * np.sqrt(fits.max())), box))
     return found

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.engine.ground.posture import UPRIGHT_DEG
 from physic_embedded.networks.crops import RotatedSquare
 from physic_embedded.networks.pose import predict_hopeful_pose
 
@@ -26,7 +27,6 @@ SURE_MIRROR_GAP = 0.02
 """Least fit and largest mirror gap of a sure pose, which no other pose changes."""
 _UPRIGHT_GAP = 0.05  # largest mirror gap of an upright person
 _UPRIGHT_WIDTH = 0.8  # largest width of the box of an upright person, over its height
-_UPRIGHT_DEG = 45.0  # largest angle of an upright trunk from up in the picture
 # Of a pose in a turned square. Of 180 people in street and sport photos, poses beyond are wrong.
 _LEAST_FIT = 0.3
 _LARGEST_GAP = 0.04
@@ -84,7 +84,7 @@ def is_turned(pose: Pose, fit: float) -> bool:
     """Return whether a pose was clearly found in a square that is turned by more than 45 degrees:
     other ways to look for people expect them upright.
     """
-    return bool(np.cos(pose.square.angle) < np.cos(np.radians(_UPRIGHT_DEG))) and _is_clear(
+    return bool(np.cos(pose.square.angle) < np.cos(np.radians(UPRIGHT_DEG))) and _is_clear(
         pose, fit
     )
 
@@ -98,4 +98,4 @@ def _is_upright(pose: Pose, box: FloatArray) -> bool:
     x, y = pose.points[[11, 12]].mean(0) - pose.points[[23, 24]].mean(0)
     narrow = box[2] - box[0] <= _UPRIGHT_WIDTH * (box[3] - box[1])
     same = pose.mirror_gap < _UPRIGHT_GAP
-    return bool(narrow and same and abs(np.degrees(np.arctan2(x, -y))) <= _UPRIGHT_DEG)
+    return bool(narrow and same and abs(np.degrees(np.arctan2(x, -y))) <= UPRIGHT_DEG)
