@@ -6,11 +6,11 @@
 # make coverage [JOBS=2]        which lines and branches the tests do not run
 # make test-ray                the tests of contrib/ray, with a cluster on this machine
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
-# make mutants                  remove each stated defence in turn, and require that its test fails (tools/attacks/mutants)
+# make mutants                  remove each stated defense in turn, and require that its test fails (tools/attacks/mutants)
 # make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
 # make audit                    known vulnerabilities of the pinned dependencies; needs a network
 # make findings                 run each script of findings/: a table of what changed in other tools; needs a network
-# make release                  one archive that installs PhySIC, in dist: wheels, tested versions, bill of materials, licences
+# make release                  one archive that installs PhySIC, in dist: wheels, tested versions, bill of materials, licenses
 # make check-release            make it, check its wheels (twine, check-wheel-contents), and the workflows of CI (zizmor)
 # make sbom                     a bill of materials of this environment, in dist/physic-sbom.json (CycloneDX)
 # make docs                     the documentation as a site, in docs/_build/html/index.html; compares its notebooks with results

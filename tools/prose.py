@@ -40,17 +40,28 @@ def page_lines(file: Path) -> Iterator[tuple[int, str]]:
 
 
 def messages(file: Path) -> Iterator[tuple[int, str]]:
-    """Yield line and text of each string of a file that is a sentence, docstrings apart."""
+    """Yield line and text of each sentence in the strings of a file; of docstrings, only those that
+    are the help of a command.
+    """
     tree = ast.parse(file.read_text(encoding="utf-8"))
     parents = {child: node for node in ast.walk(tree) for child in ast.iter_child_nodes(node)}
     for node in ast.walk(tree):
         if not isinstance(node, ast.Constant | ast.JoinedStr):
             continue
-        if isinstance(parents.get(node), ast.JoinedStr | ast.Expr | ast.FormattedValue):
+        parent = parents.get(node)
+        if isinstance(parent, ast.JoinedStr | ast.FormattedValue):
+            continue
+        if isinstance(parent, ast.Expr) and not is_command(parents[parent]):
             continue
         text = string_of(node)
         if len(re.findall(r"[a-z]{2,}", text)) >= FEWEST_WORDS and " " in text.strip():
             yield node.lineno, " ".join(text.split())
+
+
+def is_command(node: ast.AST) -> bool:
+    """Return whether a function is a command of click, whose docstring is its help."""
+    decorators = getattr(node, "decorator_list", [])
+    return any(re.search(r"\b(command|group)\b", ast.unparse(one)) for one in decorators)
 
 
 def string_of(node: ast.Constant | ast.JoinedStr) -> str:

@@ -26,7 +26,7 @@ class PullPushOptions(Options):
         1.0,
         gt=0,
         le=4,
-        description="how soon a level counts as known: 4 keeps detail of the rim, 0.5 is smoother",
+        description="weight from which a level is used: 4 keeps detail of the rim, 0.5 is smoother",
     )
 
 

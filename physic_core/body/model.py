@@ -287,7 +287,7 @@ class BodyModel:
             if tuple(value.shape) != shape:
                 raise BodyModelError(
                     f"{name} must be {shape} for the {self.name} body, got {tuple(value.shape)}:"
-                    " give one row a person, and parameters that were made for this body"
+                    " give one row per person, and parameters of this body model"
                 )
 
 

@@ -22,9 +22,9 @@ _CURES = {
     "--height": "a person's height is --stature, the camera's --camera-height",
     "--seed": "the same photo has the same result without one",
     "--share": "docs/serve.md says who can reach a server",
-    "--recursive": "folders are searched with those in them",
+    "--recursive": "the search includes subfolders",
     "--jobs": "the number of processes is --workers",
-    "--resume": "run the same command again, which goes on",
+    "--resume": "run the same command again: it resumes",
     "--threads": "write --set run.threads=N",
     "--export": "export afterwards: physic export FOLDER --to FORMAT",
 }

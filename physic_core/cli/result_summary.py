@@ -56,7 +56,7 @@ def print_summary(
         )
     lines += [line for person in people for line in _person_lines(person)]
     lines += [
-        f"no body: {one.reason}, box {', '.join(f'{edge:.0f}' for edge in one.box)}, score "
+        f"no body: {one.reason}; box {', '.join(f'{edge:.0f}' for edge in one.box)}, score "
         f"{one.score:.2f}"
         for one in record.unposed
         if one.is_missing

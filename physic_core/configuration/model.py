@@ -289,7 +289,7 @@ class PhotoSettings(StrictModel):
             raise ValueError("has depth_unit without depth: give both")
         about_bodies = self.bodies_model, self.bodies_frame
         if self.bodies is None and any(each is not None for each in about_bodies):
-            raise ValueError("has bodies_model or bodies_frame without bodies: give both")
+            raise ValueError("has bodies_model or bodies_frame without bodies: give bodies, too")
         if self.masks is not None and (self.person or self.box or self.ignore):
             raise ValueError("has masks and chosen or ignored people: give only one of them")
         if self.distortion is not None and self.intrinsics is None:

@@ -54,7 +54,7 @@ def describe_error(error: BaseException, *owners: str | type) -> str:
 
 def left_out(what: str, error: BaseException) -> str:
     """Return the warning of a result that is complete without something whose making failed."""
-    return f"{what} failed: {describe_error(error)}; the result is complete without"
+    return f"{what} failed: {describe_error(error)}; the rest of the result is complete"
 
 
 def make_each(parts: Mapping[str, Callable[[], Any]]) -> tuple[dict[str, Any], list[str]]:

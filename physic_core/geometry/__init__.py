@@ -1,4 +1,4 @@
-"""Pure functions on tensors: cameras, point maps, alignment, planes, neighbours, visibility, robust
+"""Pure functions on tensors: cameras, point maps, alignment, planes, neighbors, visibility, robust
 losses.
 
 Other packages use :mod:`.camera`, :mod:`.colors`, :mod:`.pointmap`, :mod:`.alignment`,

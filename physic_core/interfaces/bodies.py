@@ -309,10 +309,7 @@ def _check_rest(rest: RestMesh, topology: str) -> Iterator[str]:
         yield from wrong_type
         return
     if rest.topology != topology:
-        yield (
-            f"rest must be the mesh {topology!r} that the probabilities are on, got "
-            f"{rest.topology!r}"
-        )
+        yield f"rest must be the mesh {topology!r} of the probabilities, got {rest.topology!r}"
     wrong = check_fields(rest, "rest.")
     yield from wrong
     if not wrong:

@@ -230,7 +230,7 @@ def _own_arrays(path: Path) -> Mapping[str, Any] | None:
 
 def _own_bodies(arrays: Mapping[str, Any], file: FileOfPhoto) -> GivenBodies:
     if int(arrays[_FORMAT]) != _VERSION:
-        raise ValueError(f"it has version {arrays[_FORMAT]} of the format, and {_VERSION} is read")
+        raise ValueError(f"its format version is {arrays[_FORMAT]}; PhySIC reads {_VERSION}")
     if missing := [name for name in ("camera", "size", *_PARAMETERS) if name not in arrays]:
         raise ValueError(f"it lacks the arrays {', '.join(missing)}")
     parameters = BodyParameters(**{name: arrays[name] for name in _PARAMETERS})

@@ -68,7 +68,7 @@ def _by_code_points(primaries: int, transfer: int) -> tuple[Convert | None, str]
     if not is_known or primaries not in (*_LIKE_SRGB, *_TO_SRGB):
         return None, (
             f"the colors have primaries {primaries} and transfer function {transfer} of H.273, "
-            "which are taken for sRGB: if the photo looks wrong, save it as sRGB"
+            "which PhySIC reads as sRGB: if the photo looks wrong, save it as sRGB"
         )
     if transfer in _CURVES_LIKE_SRGB and primaries in _LIKE_SRGB:
         return None, ""
@@ -130,7 +130,7 @@ def srgb_conversion(
         try:
             mode, convert = _by_profile(content)
         except (ImageCms.PyCMSError, OSError, TypeError, ValueError, KeyError):
-            return "", None, "the color profile cannot be read: colors are taken for sRGB"
+            return "", None, "the color profile cannot be read: PhySIC assumes sRGB"
         return mode, convert, ""
     gamma = image.info.get("gamma")
     if (

@@ -99,7 +99,7 @@ def drone_note(xmp: str) -> str:
         return ""
     return (
         f"the drone states {float(altitude):g} m above the take-off, which is not used: give "
-        f"--camera-height if people stand as high as it took off"
+        f"--camera-height if people stand at the height of the take-off"
     )
 
 

@@ -182,10 +182,10 @@ def _given_keypoints(table: KeypointTable, is_csv: bool, size: tuple[int, int]) 
 
 def _check_rows(rows: list[KeypointRow]) -> None:
     if not rows:
-        raise ValueError("it has no keypoints that count")
+        raise ValueError("it has no keypoints that are valid")
     (person, joint), count = Counter(row[:2] for row in rows).most_common(1)[0]
     if count > 1:
-        raise ValueError(f"the {joint} of person {person} comes twice")
+        raise ValueError(f"the {joint} of person {person} is listed twice")
     if wrong := [row for row in rows if not (math.isfinite(row[2]) and math.isfinite(row[3]))]:
         raise ValueError(f"the {wrong[0][1]} of person {wrong[0][0]} has no finite place")
     parts: dict[tuple[int, str], list[KeypointRow]] = {}

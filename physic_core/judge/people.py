@@ -228,7 +228,7 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
         sure = who.posture_probability or 0.0
         return value, (
             f"this person probably {who.posture}s (probability {sure:.2f}), but no seat was "
-            f"detected under the body: see {SIDE_VIEW}, and do not use the contacts of the seat"
+            f"detected under the body: see {SIDE_VIEW}, and do not use the contacts of the buttocks"
         )
     least = min(ENDS, key=lambda part: abs(likely[part] - 0.5))
     taken = "listed" if likely[least] >= 0.5 else "not listed"

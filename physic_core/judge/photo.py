@@ -57,12 +57,12 @@ def photo_alignment(estimates: Estimates, result: Reconstruction) -> Measured:
     if share == 0:
         return (
             share,
-            "depth with people agrees with depth without them nowhere in the background. So only "
-            "body size gives people's distance, and gaps to the scene are wrong. "
+            "depths with and without people agree nowhere in the background. So only "
+            "body size determines people's distance, and gaps to the scene are wrong. "
             f"{_OTHER_INPAINTER}",
         )
     return share, (
-        f"depth with people agrees with depth without them on only {share:.0%} of the background "
+        f"depths with and without people agree on only {share:.0%} of the background "
         f"(at least {_LEAST_AGREEMENT:.0%}), so gaps between people and scene may be wrong. "
         f"{_OTHER_INPAINTER}"
     )
@@ -335,8 +335,7 @@ def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
         if len(boxes) in main_people([*boxes, np.array(one.box)])
         and not _is_covered(one.box, posed)
     ]
-    all_of_them = f", of {len(missing)} without a body" if len(missing) > 1 else ""
-    who = f"{len(lacking)} large {'person' if len(lacking) == 1 else 'people'}{all_of_them}"
+    who = f"{len(lacking)} large {'person' if len(lacking) == 1 else 'people'}"
     # a reason that the segmenter can cure ends with what to do
     cures = dict.fromkeys(reason.partition(": ")[2] or _BOX for reason in lacking)
     return float(len(lacking)), (

@@ -53,7 +53,7 @@ def check_placed_people(estimates: Estimates, before: State, placed: State) -> l
     for i, (stature, shown) in enumerate(zip(statures.tolist(), shown_m.tolist(), strict=True)):
         if abs(math.log(shown / stature)) > CONTRADICTION:
             raise ConfigError(
-                f"the stature {stature:.2f} m of person {i} contradicts {sizes}, by which the "
+                f"the stature {stature:.2f} m of person {i} contradicts {sizes}, from which the "
                 f"photo shows a person of {shown:.2f} m: correct one of them, or leave it out"
             )
         if math.isfinite(shown) and not math.isfinite(stature):
@@ -127,9 +127,9 @@ def compare_sizes(
         sigmas = person.stature_sigmas
         if own and sigmas is not None and sigmas <= limit:  # else the check warns
             warnings.append(
-                f"person {i} stands off the floor with the given size: the photo shows "
-                f"{person.shown_stature_m:.2f} m, and {person.given_stature_m:.2f} m was given or "
-                "is usual; several sizes go from left to right"
+                f"person {i} does not stand on the floor with the given sizes: the photo shows "
+                f"{person.shown_stature_m:.2f} m, but {person.given_stature_m:.2f} m was given or "
+                "is usual; give sizes from left to right"
             )
     return warnings, people, measured
 

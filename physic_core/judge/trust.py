@@ -193,4 +193,4 @@ def _reason(check: CheckResult) -> list[str]:
     if check.failed:
         return [str(check), check.message] if check.message else [str(check)]
     advice = CHECKS[check.name].advice
-    return [str(check), f"this check passes, but narrowly: {advice}"] if advice else [str(check)]
+    return [str(check), f"it passes, but lowers the marks: {advice}"] if advice else [str(check)]

@@ -51,7 +51,7 @@ _ANSWERS_OF = {
     "low_depth": ("relative_pointmap", "keypoint_detector", "body_estimator"),
 }
 """Check -> interfaces whose answers it compares with those of others."""
-_EQUAL = "two people have the same values: is one photo, or one sum, repeated for all?"
+_EQUAL = "two people have the same values: is the result of one person repeated for all?"
 
 
 def doubts_of(interface: str, request: Any, result: Any) -> Iterator[str]:

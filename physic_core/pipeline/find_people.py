@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, IntArray, Intrinsics, PeoplePrompt
     from physic_core.types.known_sizes import KnownPeople
 
-_POINT_AT_PEOPLE = "if the photo shows one, point at them with --person x,y or --box x0,y0,x1,y1"
+_POINT_AT_PEOPLE = "if the photo shows people, mark each with --person x,y or --box x0,y0,x1,y1"
 
 
 _INSIDE = 0.8  # share of a person's keypoints in a mask of them
@@ -136,7 +136,7 @@ def find_people(run: PhotoRun) -> FoundPeople:
     same = f"{FOUND_TWICE}: if these are two people, give --person x,y for each"
     found = _select(found, real, same)
     if run.plan.photo.require_people and not len(found.people):
-        raise NoPersonError("a person is required, and all people of the photo were left out")
+        raise NoPersonError("a person is required, but all people of the photo were left out")
     sizes = run.given.known
     if prompt is None:
         found, body = _with_given_bodies(run, found)

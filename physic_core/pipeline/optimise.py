@@ -73,8 +73,9 @@ def run_engine(
 def _apart(meeting: Meeting) -> str:
     """Return the note on two parts that the engine did not bring together."""
     own, other = part_words(meeting.part), part_words(meeting.other_part)
+    whose = "the same" if meeting.other == meeting.person else f"person {meeting.other}"
     return (
-        f"the {own} of person {meeting.person} probably touches the {other} of person "
-        f"{meeting.other}, but they stay apart in the result, because contact would move a body "
-        "off its keypoints. Do not measure the gap between them"
+        f"the {own} of person {meeting.person} probably touches the {other} of {whose}, "
+        "but they stay apart in the result, because contact would move a body off its keypoints. "
+        "Do not measure the gap between them"
     )

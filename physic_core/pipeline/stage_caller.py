@@ -235,7 +235,7 @@ class StageCaller:
     def close_backend(self, *only: ResolvedBackend) -> None:
         """Close these backends, or all; one that cannot be closed adds a warning."""
         for error in self._loaded.close(*only, report=self.warn):
-            self.warn_of(error, "the result is complete, but memory may be lost")
+            self.warn_of(error, "the result is complete, but memory may leak")
 
     def _cache_key(
         self, title: str, resolved: ResolvedBackend, inputs: tuple[object, ...]

@@ -149,7 +149,7 @@ def cut_border(photo: Photo, inside: Inside, what: str) -> Photo:
     height, width = photo.image.shape[:2]
     image = np.ascontiguousarray(photo.image[inside])
     note = (
-        f"{what} was cut off for the computation, which leaves {image.shape[1]} x "
+        f"{what} was cropped for the computation, leaving {image.shape[1]} x "
         f"{image.shape[0]} px. Pixels of the results are those of the whole photo"
     )
     camera = (

@@ -37,7 +37,7 @@ def read_bodies_of(
         given = read_bodies(file, settings.bodies_model or plan.config.body_model.path)
     if given is None:
         if settings.bodies_final:
-            raise ConfigError("photo.bodies_final is set, and no bodies are given: give both")
+            raise ConfigError("photo.bodies_final is set without bodies: give both")
         return None
     sigma = settings.bodies_sigma
     return given if sigma is None else replace(given, sigma_m=sigma)

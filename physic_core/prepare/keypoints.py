@@ -237,8 +237,9 @@ def _people_of(given: GivenKeypoints, people: People) -> tuple[dict[int, int], t
     rows = {numbers[row]: int(person) for row, person in pairs if allowed[row, person]}
     if not rows:
         raise InputError(
-            f"the given keypoints are of none of the {count} people who were found: most points of "
-            "an annotation lie in the box of its person; are they px of another picture?"
+            f"the given keypoints match none of the {count} people who were found: "
+            "most points of an annotation should lie in the box of its person; are they "
+            "px of another picture?"
         )
     lost = [str(number) for number in numbers if number not in rows]
     note = (

@@ -248,11 +248,10 @@ def _check_principal_point(intrinsics: Sequence[float], width: int, height: int)
         right = (fy, fx, cy, cx) if turned else (fx, fy, cx, cy)
         here = ",".join(f"{value / scale:.0f}" for value in right)
         raise ConfigError(
-            f"the intrinsics are those of a picture of about {scale * w:.0f} x {scale * h:.0f} "
-            f"px{turned}, by their "
-            f"principal point ({cx:g}, {cy:g}), and the photo has {width} x {height} px: give "
-            f"those of the photo, "
-            f"about {here}; for a crop with this principal point, pass Intrinsics in Python"
+            f"the principal point ({cx:g}, {cy:g}) is the center of a picture of about "
+            f"{scale * w:.0f} x {scale * h:.0f} px{turned}, but the photo has {width} x {height} "
+            f"px: give the photo's intrinsics, about {here}; for a crop with this principal point, "
+            "pass Intrinsics in Python"
         )
 
 

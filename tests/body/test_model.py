@@ -135,7 +135,7 @@ def test_the_small_model_has_values_of_the_whole_and_slopes_of_finite_difference
 def test_inputs_of_wrong_shape_are_refused(embedded, name, shape, wanted):
     arguments = dict(zip(("rotations", "betas", "transl"), embedded.zero_pose(), strict=True))
     message = re.escape(
-        f"{name} must be {wanted} for the embedded body, got {shape}: give one row a person"
+        f"{name} must be {wanted} for the embedded body, got {shape}: give one row per person"
     )
     with pytest.raises(BodyModelError, match=message):
         embedded(**{**arguments, name: torch.zeros(shape)})

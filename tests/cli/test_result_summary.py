@@ -83,7 +83,7 @@ def test_a_person_is_described_by_marks_contact_and_reasons(folder, physic):
         "  why: Limbs far from their keypoints: 4.5 % (check the overlay)",
         "person 2: no body, not judged",
     ]
-    assert "no body: only a hand is seen, box 1, 2, 30, 40, score 0.50" in lines
+    assert "no body: only a hand is seen; box 1, 2, 30, 40, score 0.50" in lines
     assert "pose usable for 0 of 3 people, place for 1, contact for 0, size for 0" in lines
 
 

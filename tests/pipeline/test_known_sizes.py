@@ -109,8 +109,8 @@ WIDE = KnownLength((10.0, 100.0), (150.0, 100.0), 8.0)
     [
         (
             KnownSizes(stature=(2.2,), camera_height=1.1),
-            r"of person 0 contradicts the camera height 1\.1 m, by which the photo shows a person "
-            r"of 1\.\d\d m: ",
+            r"of person 0 contradicts the camera height 1\.1 m, from which the photo shows a "
+            r"person of 1\.\d\d m: ",
         ),
         (
             KnownSizes(camera_height=4.0),
@@ -155,7 +155,7 @@ def test_a_given_stature_that_lifts_a_person_off_the_floor_is_a_warning():
     found = with_sizes(load_world("hug", SIZE), stature=(1.9, 1.55))
     (check,) = [check for check in found.checks if check.name == "given_size" and check.person == 1]
     assert check.ok
-    (warning,) = [text for text in found.warnings if "off the floor with the given size" in text]
+    (warning,) = [text for text in found.warnings if "does not stand on the floor" in text]
     assert warning.startswith("person 1 ")
     assert "1.55 m" in warning
 

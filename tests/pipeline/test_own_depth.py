@@ -32,7 +32,7 @@ def test_a_measured_depth_gives_the_metres_whatever_the_size_of_the_bodies(world
     larger = ("body_estimator.options.noise=1", "body_estimator.options.stature_bias=0.15")
     found = measured(world, 1, *larger)
     assert camera_height(found, world) == pytest.approx(1, abs=0.04)
-    assert any("measured depth gives the scale" in note for note in found.notes)
+    assert any("measured depth sets the scale" in note for note in found.notes)
 
 
 def test_people_follow_a_measured_depth(world):

@@ -46,7 +46,7 @@ class OmniEraserOptions(Options):
     weights: str = Field("omnieraser", description=WEIGHTS_HELP)
     offload: Literal["none", "model", "sequential"] = Field(
         "model",
-        description="what waits in the machine's memory until its turn: nothing (60 GB of GPU "
+        description="what stays in CPU memory until it is used: nothing (60 GB of GPU "
         "memory), whole networks "
         "(40 GB), or each layer (a few GB, slow)",
     )
@@ -55,15 +55,19 @@ class OmniEraserOptions(Options):
         ge=256,
         le=10_000,
         multiple_of=16,
-        description="side of the square that the photo is squashed to, px",
+        description="side of the square that the photo is resized to, px",
     )
     steps: int = Field(28, ge=1, le=1000, description="of the diffusion; 20-50")
-    guidance: float = Field(3.5, ge=0, le=100, description="how much the prompt counts; 2-5")
-    seed: int = Field(42, ge=0, le=2**32 - 1, description="of the noise: another one, another fill")
-    prompt: str = Field(
-        "There is nothing here.", description="what is left when everything is gone"
+    guidance: float = Field(
+        3.5, ge=0, le=100, description="guidance scale, the weight of the prompt; 2-5"
     )
-    allow_cpu: bool = Field(False, description="run without a GPU all the same, for hours a photo")
+    seed: int = Field(
+        42, ge=0, le=2**32 - 1, description="seed of the noise: another seed gives another fill"
+    )
+    prompt: str = Field(
+        "There is nothing here.", description="prompt for the background that remains"
+    )
+    allow_cpu: bool = Field(False, description="run without a GPU anyway; a photo takes hours")
 
 
 class OmniEraser(TorchBackend, Inpainter):
@@ -92,7 +96,7 @@ class OmniEraser(TorchBackend, Inpainter):
         """Read FLUX.1-dev, widen its input layer, and add the LoRA. Nothing is downloaded."""
         if device == "cpu" and not self.options.allow_cpu:
             raise DeviceError(
-                "OmniEraser needs a GPU: choose device 'cuda', or allow_cpu if hours do not matter"
+                "OmniEraser needs a GPU: choose device 'cuda', or allow_cpu, which takes hours"
             )
         super().load(device)
 

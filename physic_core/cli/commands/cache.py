@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 @click.group()
 def cache() -> None:
-    """Show, fill or clear the cache: outputs of backends, correspondences of body meshes, optimised
+    """Show, fill or clear the cache: outputs of backends, correspondences of body meshes, optimized
     networks, hashes of files.
     """
 
 
 @cache.command()
 def info() -> None:
-    """Print the cache folders, the number and size of their files, and how to delete them."""
+    """Print the cache folders, and the number and size of their files."""
     for name in CACHES:
         kept = _cache(name)
         echo(f"{kept.path}: {_count_and_size(kept.files())}")
@@ -36,8 +36,9 @@ def info() -> None:
 @cache.command()
 @configuration_options
 def fill(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
-    """Open the networks of a configuration once, so that they are kept as onnxruntime optimises
-    them for this processor. One is open at a time.
+    """Optimize the networks of a configuration, and keep them.
+
+    onnxruntime optimizes each network for this processor. One is open at a time.
     """
     from physic_core.configuration.model import load_config
     from physic_core.pipeline.run import Pipeline
@@ -52,11 +53,10 @@ def fill(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> N
 @cache.command()
 @click.argument("names", nargs=-1, metavar="[NAME...]", type=click.Choice(tuple(CACHES)))
 def clear(names: tuple[str, ...]) -> None:
-    """Delete all cached files, or those of the caches NAME..., and print what was deleted; results
-    of runs are kept.
+    """Delete all cached files, or those of the caches NAME.
 
-    The caches are results (of backends), correspondences, graphs (optimised networks), hashes and
-    kit (backends that passed it).
+    Results of runs are kept. The caches are results (of backends), correspondences, graphs
+    (optimized networks), hashes and kit (backends that passed `physic plugins check`).
     """
     for name in names or CACHES:
         kept = _cache(name)

@@ -28,13 +28,12 @@ def config() -> None:
 def check(
     ctx: click.Context, file: Path | None, preset: str | None, overrides: tuple[str, ...]
 ) -> None:
-    """Check a configuration and the options of its backends, and list what is missing on this
-    machine.
+    """Check a configuration, and list what this machine lacks.
 
-    No backend is loaded: only a run shows whether they fit one another. A body model file is
-    opened. Exits with code 2 if the configuration has errors or the device is missing, with 3 if a
-    file that it names cannot be used, with 4 if weights or the body model are missing, and with 5
-    if a backend is broken.
+    It checks the options of all backends, and opens a body model file. It loads no backend:
+    only a run shows whether backends fit one another. Exits with code 2 if the configuration
+    has errors or the device is missing, with 3 if a file that it names cannot be used, with 4
+    if weights or the body model are missing, and with 5 if a backend is broken.
     """
     from physic_core.configuration.model import load_config
     from physic_core.configuration.resolve import (

@@ -25,7 +25,7 @@ def plugins(ctx: click.Context, interface: str | None) -> None:
 @click.argument("name")
 @click.option("--interface", metavar="NAME", help="Only the backend of this interface.")
 def show_plugin(name: str, interface: str | None) -> None:
-    """Show the options, licence and source of the backends called NAME."""
+    """Show the options, license and source of the backends called NAME."""
     from physic_core.cli.listing import describe_backend
     from physic_core.discovery.backends import find_backend, find_by_name
 

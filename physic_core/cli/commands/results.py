@@ -110,7 +110,7 @@ def export(
 ) -> None:
     """Export the result in folder OUT to a format of another program.
 
-    FBX is made of the GLB by Blender: the command is in docs/exports.md under FBX.
+    For FBX, export a GLB, and convert it in Blender: see docs/exports.md.
     """
     from physic_core.discovery.plugins import find_exporter
 

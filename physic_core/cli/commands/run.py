@@ -277,7 +277,7 @@ def _telling_what_is_kept(folder: Path, *, cached: bool) -> Iterator[None]:
         yield
     except KeyboardInterrupt as error:
         kept = (
-            "outputs of the backends that had ended are in the cache"
+            "the cache keeps outputs of the backends that finished"
             if cached
             else "without the cache nothing is kept"
         )

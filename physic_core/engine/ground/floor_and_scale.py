@@ -595,13 +595,13 @@ def _guessed_scale(scene: Pointmap, plane: PlaneFit | None) -> tuple[SceneScale,
     if plane is not None:
         scale = USUAL_CAMERA_HEIGHT_M / plane.offset
         assumed = f"the camera is assumed to be {USUAL_CAMERA_HEIGHT_M:g} m above the floor"
-        option = "camera-height, as in a view from above,"
+        option = "camera-height METERS"
     else:
         scale = USUAL_DEPTH_M / median_depth(scene)
         assumed = f"the median depth is assumed to be {USUAL_DEPTH_M:g} m"
-        option = "known-length"
+        option = "known-length X1,Y1,X2,Y2,METERS"
     warning = (
-        f"the scale is unknown without a person: {assumed}; give --{option} or use a metric depth "
-        f"network to get meters"
+        f"the scale is unknown without a person: {assumed}. To get meters, give --{option}, or use "
+        "a metric depth network"
     )
     return SceneScale(scale), warning

@@ -25,6 +25,7 @@ SIZES_DISAGREE = 0.25
 """Logarithm of the ratio of two sizes of a person from which on a note or a warning names them."""
 _RIVAL = 0.2  # probability of other floors, from which on a note names the likeliest
 _RIVAL_DEG = 5.0  # off the chosen floor
+_LARGEST_FACTOR = 5.0  # between two people's statures
 _FEWEST_ON_FLOOR = 2  # people from whom each other's size follows
 
 
@@ -41,7 +42,7 @@ def size_notes(
         else vote.residuals(torsos)
     )
     return tuple(
-        f"all other evidence makes person {i} {math.exp(-ratio[i]):.2g} times as tall as stated: "
+        f"by all other evidence, person {i} is {_times(-ratio[i])} times as tall as in the result: "
         f"this stature and distance may be wrong by that factor. "
         + (
             f"For a child, give {size_option('--age YEARS', len(ratio))}, for a small person "
@@ -51,6 +52,13 @@ def size_notes(
         )
         for i in np.flatnonzero(np.abs(ratio) > SIZES_DISAGREE).tolist()
     )
+
+
+def _times(log_ratio: float) -> str:
+    """Format a factor; one that no person can have only by its side."""
+    if abs(log_ratio) > math.log(_LARGEST_FACTOR):
+        return "more than 5" if log_ratio > 0 else "less than 0.2"
+    return f"{math.exp(log_ratio):.2g}"
 
 
 def rival_note(

@@ -348,11 +348,11 @@ def rescaled_depth(
     other witnesses.
     """
     factor = math.exp(-float(vote.residuals(witness)[0]))
-    own = f"the metric depth counts as much as the sizes of people; it was scaled by {factor:.3g}"
+    own = f"metric depth and people's sizes have equal weight; the depth was scaled by {factor:.3g}"
     if is_measured(depth):
         own = (
-            f"the measured depth gives the scale, {1 / factor:.3g} times that of the people, "
-            f"who follow it"
+            f"the measured depth sets the scale, {1 / factor:.3g} times that of people's sizes; "
+            f"these follow it"
         )
         notes = ()
     scaled = np.asarray(depth.depth * factor, np.float32)

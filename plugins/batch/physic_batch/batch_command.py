@@ -242,7 +242,7 @@ def _describe(plan: BatchPlan, photos: int, limit: int | None) -> str:
     reasons = ", ".join(f"{number:,} {reason}" for reason, number in plan.reasons.items())
     parts = [f"{photos:,} photos: {plan.done:,} done before"]
     if failed:
-        parts.append(f"{failed:,} failed before (--retry failed tries them again)")
+        parts.append(f"{failed:,} failed before (--retry failed retries them)")
     parts.append(f"{len(plan.todo):,} to do{f': {reasons}' if reasons else ''}")
     if plan.replaced:
         parts.append(
@@ -347,7 +347,5 @@ def _summary(counts: Counter[str]) -> str:
     """Return how many photos are done and failed, by the class of their error ("" if done)."""
     done = counts.pop("", 0)
     reasons = ", ".join(f"{number} {name}" for name, number in counts.most_common())
-    again = (
-        "; --retry failed tries these again" if counts.keys() & {"Timeout", "WorkerDied"} else ""
-    )
+    again = "; --retry failed retries these" if counts.keys() & {"Timeout", "WorkerDied"} else ""
     return f"{done:,} done, {counts.total():,} failed{f' ({reasons})' if reasons else ''}{again}"

@@ -133,7 +133,7 @@ class Journal:
             self._run = 1 + max(map(_last_run, journal_files(path.parent)))
         except Timeout:
             raise OutputError(
-                f"another batch is writing {path}: wait for its end, or name another folder"
+                f"another batch is writing {path}: wait until it ends, or name another folder"
             ) from None
         except OSError as error:
             raise self._error(error) from error
@@ -172,8 +172,8 @@ class Journal:
 
     def _error(self, error: OSError) -> OutputError:
         return OutputError(
-            f"cannot write the journal {self.path}: {error.strerror}; the same command goes on "
-            f"from here later"
+            f"cannot write the journal {self.path}: {error.strerror}; run the same "
+            f"command again to resume"
         )
 
 

@@ -27,8 +27,8 @@ def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) 
     """Write report.html of each result OUT: scene, people, contact and numbers in one file for a
     browser.
 
-    A folder of results, such as that of a batch, gets contact-sheet.html, which links to their
-    pages.
+    In a folder of results, such as that of a batch, it writes contact-sheet.html, which links to
+    their pages.
     """
     if (out is not None or title) and len(results) > 1:
         raise click.UsageError(

@@ -132,9 +132,7 @@ class _Pages:
         except ClientDisconnect:  # the browser broke the upload off, and reads no answer
             return Response(status_code=400)
         except OSError as error:
-            why = (
-                f"the server cannot store the photo: {error.strerror}; make room, or start it again"
-            )
+            why = f"the server cannot store the photo: {error.strerror}; free disk space"
             raise HTTPException(507, why) from error
 
     async def _take_upload(self, request: Request) -> Response:

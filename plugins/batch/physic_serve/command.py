@@ -47,7 +47,9 @@ _EXPORTS = ("glb", "bvh", "usd", "mjcf")
     f"{', '.join(_EXPORTS)}]",
 )
 @click.option(
-    "--folder", type=AnyPath(), help="Where results lie.  [default: the temporary folder]"
+    "--folder",
+    type=AnyPath(),
+    help="Folder for the results while the server runs.  [default: the temporary folder]",
 )
 def serve(
     host: str,
@@ -59,9 +61,9 @@ def serve(
     exports: tuple[str, ...],
     folder: Path | None,
 ) -> None:
-    """Serve a page on this computer where photos are uploaded and reconstructed, one at a time.
+    """Serve a page on this computer that reconstructs uploaded photos, one at a time.
 
-    All results are deleted when the server ends.
+    The server deletes all results when it ends.
     """
     import uvicorn
 

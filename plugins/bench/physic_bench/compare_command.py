@@ -38,8 +38,8 @@ def _print_comparison(photos: Sequence[Comparison], about: Sequence[tuple[str, l
 def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
     """Compare the results in folders A and B, or all results of the same photos in them.
 
-    People are matched by their masks. Joints is the mean distance of the joints from pelvis to
-    wrists, with the joint that is farthest apart; pose is the same with both pelvises in one place.
+    Masks match the people of A and B. "joints" is the mean distance of the joints from pelvis to
+    wrists, and names the joint that differs most; "pose" is the same with aligned pelvises.
     """
     from physic_batch.contact_sheet import result_link, thumbnail_jpeg
     from physic_bench.comparison import (

@@ -405,8 +405,8 @@ def _changes(a: Reconstruction, b: Reconstruction) -> tuple[str, ...]:
         return settings
     both = f"{a.photo_name or 'that of A'} and {b.photo_name or 'that of B'}"
     return (
-        f"the photo: {both} differ, so the rest is of use only if both show one scene from one "
-        f"place",
+        f"the photo: {both} differ, so the comparison is valid only if both "
+        f"show the same scene from the same place",
         *settings,
     )
 

@@ -44,7 +44,7 @@ class _DataSets(click.Group):
 def evaluate() -> None:
     """Measure results on data sets with ground truth, beside those of other methods.
 
-    "physic evaluate DATASET --help" says what to get where, under which terms.
+    "physic evaluate DATASET --help" states what to download, from where, under which terms.
     """
 
 

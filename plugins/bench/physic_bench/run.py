@@ -247,7 +247,7 @@ def _notes(name: str, records: Sequence[Record]) -> list[str]:
     for way in sorted(
         {str(r[key]) for r in records for key in ("carried", "contact_carried") if key in r}
     ):
-        notes.append(f"{name}: approximation: {way} carried over the T-poses")
+        notes.append(f"{name}: approximation: {way} transferred between the T-poses")
     notes += [
         f"{name}: not measured: {text}"
         for text in sorted({t for r in records for t in r["unmeasured"]})

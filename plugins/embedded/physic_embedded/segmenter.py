@@ -238,7 +238,7 @@ def _left_out_note(names: list[str]) -> tuple[str, ...]:
     """Return a note about the animals and boards that look like people."""
     if not names:
         return ()
-    return (f"left out what looks like a person, and more like another thing: {', '.join(names)}",)
+    return (f"left out objects that look somewhat like a person: {', '.join(names)}",)
 
 
 def _without_parts(

@@ -191,7 +191,7 @@ SeenConfidence = Annotated[
     Field(
         ge=0,
         le=1,
-        description="confidence of keypoints from which their joints count as seen; 0 takes all",
+        description="minimum confidence of a keypoint whose joint counts as visible; 0 takes all",
     ),
 ]
 """Type of a backend's option ``seen_confidence``, the argument ``least`` of

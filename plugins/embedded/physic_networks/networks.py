@@ -172,7 +172,7 @@ class TorchOptions(Options):
 
     precision: Literal["float32", "float16", "bfloat16"] = Field(
         default="float32",
-        description="numbers that the network computes with; float16 and bfloat16 are faster on a "
+        description="number format of the network; float16 and bfloat16 are faster on a "
         "GPU; on a CPU they are slower, and float16 is refused there. On a GPU, convolutions of "
         "float32 round their inputs to 10 bits (TF32), torch's default",
     )
@@ -296,8 +296,8 @@ def run_in_batches(
             output.shape for output in outputs if output.ndim == 0 or len(output) != shown
         ]:
             raise BackendError(
-                f"the network was shown {shown} pictures and returned an array of shape "
-                f"{wrong[0]}: it does not keep its batch"
+                f"the network received {shown} pictures and returned an array of shape "
+                f"{wrong[0]}: it does not keep the batch size"
             )
         parts.append([output[:count] for output in outputs])
     return [np.concatenate(outputs) for outputs in zip(*parts, strict=True)]

@@ -302,7 +302,7 @@ def _turns(document: Mapping[str, Any], name: str, count: int, joints: int) -> _
     if rotations.size != 9 * count * joints:
         raise ValueError(
             f"{name} of {joints} joints of {count} people has {rotations.size} numbers: give "
-            f"vectors or matrices, and no principal components of hands"
+            f"vectors or matrices; PCA components of hands are not supported"
         )
     matrices = rotations.reshape(count, joints, 3, 3)
     check_rotations(matrices)

@@ -134,6 +134,6 @@ def _depth(channels: Mapping[str, NDArray[np.generic]], path: Path) -> NDArray[n
     ):
         return colours[0]
     raise InputError(
-        f"cannot read the depth map {path}: which of its channels is depth cannot be told: "
+        f"cannot read the depth map {path}: it is unclear which channel is depth: "
         f"{', '.join(channels)}; write one channel, or name it Z or depth"
     )

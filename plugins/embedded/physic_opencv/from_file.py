@@ -31,7 +31,7 @@ class DepthFileOptions(interfaces.Options):
 
     path: Path | None = Field(
         None,
-        description="The file, which must be given: .npy (H, W), .npz with depth, 16-bit .png, "
+        description="Required file: .npy (H, W), .npz with depth, 16-bit .png, "
         ".exr, .pfm, or the .heic photo of a phone that stores depth.",
     )
     scale: float = Field(
@@ -61,8 +61,7 @@ class PointmapFileOptions(interfaces.Options):
 
     path: Path | None = Field(
         None,
-        description="The file, which must be given: .npy (H, W, 3), or .npz with points and valid "
-        "(H, W).",
+        description="Required file: .npy (H, W, 3), or .npz with points and valid (H, W).",
     )
     scale: float = Field(
         1.0,
@@ -152,7 +151,7 @@ class DepthFile(_ResultFromFile, interfaces.MetricDepth):
         sigma = options.relative_sigma if is_relative else options.sigma
         if is_relative:
             notes += (
-                f"{path.name} calls its depth relative: its scale counts with a deviation of "
+                f"{path.name} marks its depth as relative: its scale has a standard deviation of "
                 f"{100 * sigma:g} %",
             )
         return DepthMap(np.asarray(resized, np.float32), None, sigma, notes)

@@ -25,7 +25,7 @@ class TeleaOptions(interfaces.Options):
         5.0,
         gt=0,
         le=50,
-        description="Neighbourhood that a filled pixel is made from, px; 3-8 works.",
+        description="Radius around a pixel from which it is filled, px; 3-8 works.",
     )
     max_hole_px: int = Field(
         160,

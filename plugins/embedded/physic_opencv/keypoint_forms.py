@@ -193,7 +193,7 @@ def _note_on_unread(entries: Iterable[Any], names: str) -> tuple[str, ...]:
     objects = (one for one in entries if isinstance(one, Mapping))
     keys = {key for one in objects for key, value in one.items() if value}
     others = sorted(map(str, keys.difference(names.split())))
-    return (f"of the given keypoints' file, {', '.join(others[:8])} is not used",) if others else ()
+    return (f"in the file of keypoints, PhySIC ignores {', '.join(others[:8])}",) if others else ()
 
 
 def _triples(person: int, numbers: Any, names: Sequence[str] | None) -> Iterable[Row]:
@@ -279,7 +279,7 @@ def _openpose_pictures(document: Any) -> Any:
 def _read_openpose_picture(document: Any, photo: str) -> KeypointTable:
     pictures = _openpose_pictures(document)
     if len(pictures) > 1:
-        raise ValueError(f"it has people of {len(pictures)} images: keep those of this photo")
+        raise ValueError(f"it has people of {len(pictures)} images: keep only this photo's")
     return _read_openpose(pictures[0], photo)
 
 
@@ -306,7 +306,7 @@ def _read_scored(document: Any, photo: str) -> KeypointTable:
         people = [{"keypoints": points, "keypoint_scores": values} for points, values in keys]
     while people and isinstance(people[0], list):  # one list an image
         if len(people) > 1:
-            raise ValueError(f"it has people of {len(people)} images: keep those of this photo")
+            raise ValueError(f"it has people of {len(people)} images: keep only this photo's")
         people = people[0]
     rows: list[Row] = []
     for person, one in enumerate(people):
@@ -360,7 +360,7 @@ def _read_label_studio(document: Any, photo: str) -> KeypointTable:
     """
     tasks = document if isinstance(document, list) else [document]
     if len(tasks) > 1:
-        raise ValueError(f"it has {len(tasks)} tasks of Label Studio: keep that of this photo")
+        raise ValueError(f"it has {len(tasks)} tasks of Label Studio: keep only this photo's")
     marks = [
         one
         for annotation in tasks[0]["annotations"]

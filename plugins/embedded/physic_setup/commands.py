@@ -39,10 +39,10 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
     """Print a shell script that installs the estimators of PRESET; its comments list what you have
     to do yourself.
 
-    First it says what the preset contains, under which licences, and what was not measured.
+    The script begins with the contents of the preset, their licenses, and what we did not measure.
 
-    Steps that are done are marked, and skipped by --run: the same command goes on where it stopped.
-    A licence that restricts use is never accepted for you. Exits with code 4 if a step remains.
+    --run skips the steps that are done: repeat the command to resume. It never accepts a license
+    that restricts use for you. Exits with code 4 if a step remains.
     """
     from physic_core.configuration.layers import preset_comment
 

@@ -34,7 +34,7 @@ _USE = {True: "yes", False: "NO", None: "not stated"}
 def weights() -> None:
     """List, download and verify the weights that plugins need.
 
-    The folders in PHYSIC_WEIGHTS, your cache folder and the cache of Hugging Face are searched.
+    PhySIC searches the folders in PHYSIC_WEIGHTS, your cache folder and the cache of Hugging Face.
     Only `fetch` uses the network.
     """
 
@@ -44,7 +44,7 @@ def weights() -> None:
     "--missing", is_flag=True, help="Only sets that are missing, incomplete or of unexpected size."
 )
 def list_weights(missing: bool) -> None:
-    """List all weight sets: plugin, size, licence, and whether they are on this machine."""
+    """List all weight sets: plugin, size, license, installed or not."""
 
     library = read_library()
     sets = [one for one in library.sets if not (missing and presence(one.weights) == "here")]
@@ -74,10 +74,10 @@ def list_weights(missing: bool) -> None:
 @click.argument("names", nargs=-1, metavar="[NAME...]")
 @click.pass_context
 def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
-    """Compare the files of all weight sets, or of the sets NAME..., with their published sizes and
-    SHA-256.
+    """Compare files with their published sizes and SHA-256.
 
-    Exits with code 4 if a file differs, or if a file of a set NAME is missing.
+    Without NAME, it compares all weight sets. Exits with code 4 if a file differs, or if a
+    file of a set NAME is missing.
     """
 
     library = read_library()
@@ -119,9 +119,9 @@ def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
 )
 @click.pass_context
 def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | None) -> None:
-    """Download the missing files of the weight sets NAME..., and verify their size and SHA-256.
+    """Download missing files of the weight sets NAME, and verify them.
 
-    The next call goes on with the files that are missing. Exits with code 4 if one still is.
+    Repeat the command to resume. Exits with code 4 if a file is still missing.
     """
     from physic_setup.fetch import fetch as fetch_set
 

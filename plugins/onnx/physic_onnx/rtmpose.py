@@ -81,8 +81,8 @@ class RtmPose(TopDownBackend):
         ):
             raise BackendError(
                 f"{self.network.name} returned simcc_x {along_x.shape} and simcc_y "
-                f"{along_y.shape} for {width} x {height} px: as many bins a pixel along both were "
-                "expected"
+                f"{along_y.shape} for {width} x {height} px: expected equally many bins "
+                "per pixel along both axes"
             )
         points = np.stack([along_x.argmax(-1), along_y.argmax(-1)], -1) / split
         if along_z:

@@ -38,7 +38,7 @@ class CheckoutOptions(TorchOptions):
         default=8,
         ge=1,
         le=1024,
-        description="people or hands at once; 8 takes about 4 GB with a ViT-H",
+        description="batch size, people or hands; 8 takes about 4 GB with a ViT-H",
     )
     trust_checkpoint: bool = Field(
         default=False,

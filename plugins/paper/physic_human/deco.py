@@ -80,8 +80,8 @@ class DecoOptions(SmplCheckoutOptions):
     weights: str = Field("deco", description=WEIGHTS_HELP)
     smpl_file: str = Field(
         default="",
-        description="your SMPL_NEUTRAL.npz or .pkl, by whose T-pose labels are carried to your "
-        "body model",
+        description="your SMPL_NEUTRAL.npz or .pkl, whose T-pose maps the "
+        "labels to your body model",
     )
 
 

@@ -40,7 +40,7 @@ class WilorOptions(CheckoutOptions):
     weights: str = Field("wilor-mini", description=WEIGHTS_HELP)
     least_confidence: Share = Field(
         default=0.5,
-        description="least confidence of a hand's keypoints; 0.7 in the code of the PhySIC paper",
+        description="minimum confidence of a hand's keypoints; 0.7 in the code of the PhySIC paper",
     )
 
 

@@ -36,15 +36,14 @@ class DepthProOptions(ModelOptions):
     weights: str = Field(default="depth-pro-hf", description=f"DepthPro: {WEIGHTS_HELP}.")
     use_known_focal: bool = Field(
         default=True,
-        description="Scale depth to the focal length that the photo, its file or the user tells, "
-        "if any does; false "
-        "keeps DepthPro's own.",
+        description="Scale depth to the focal length of the photo, its "
+        "file or the user, if known; false keeps DepthPro's estimate.",
     )
     farthest: float = Field(
         default=1000.0,
         ge=1e-6,
         le=1e6,
-        description="Meters; what is farther is not known: DepthPro puts the sky at 10 km.",
+        description="Meters; depth beyond this is unknown: DepthPro puts the sky at 10 km.",
     )
     cpu_memory_gb: float = Field(
         default=18.0,
@@ -121,7 +120,7 @@ class DepthPro(PretrainedBackend, MetricDepth):
             if focal is None or abs(given.fx / focal - 1) <= _TELLING:
                 return given, ()
             note = (
-                f"DepthPro took the focal length for {focal:.0f} px; its depth is scaled to "
+                f"DepthPro estimated a focal length of {focal:.0f} px; its depth is scaled to "
                 f"{given.fx:.0f} px"
             )
             return given, (note,)

@@ -50,29 +50,28 @@ class GroundedSam2Options(ModelOptions):
         default="sam2.1-hiera-large-hf", description=f"SAM 2 or 2.1: {WEIGHTS_HELP}."
     )
     people_words: str = Field(
-        default="person.", min_length=1, description="What a person is called, ended by a dot."
+        default="person.", min_length=1, description="Text prompt for people, ending in a dot."
     )
     floor_words: str = Field(
         default="ground, floor, carpet.",
-        description="What the floor is called; all that is found is the floor. Empty: do not look "
-        "for it.",
+        description="Text prompt for the floor; everything detected is floor. Empty: no search.",
     )
     box_threshold: Share = Field(
-        default=0.3, description="Score from which a box is looked at; 0.25-0.4 works."
+        default=0.3, description="Minimum score of a candidate box; 0.25-0.4 works."
     )
     text_threshold: Share = Field(
         default=0.25,
-        description="A box counts if it fits some word of the prompt by more than this.",
+        description="Minimum score of a box for one word of the prompt.",
     )
     person_score: Share = Field(
         default=0.45,
-        description="Score from which a box is a person; 0.3 finds more, and some furniture.",
+        description="Minimum score of a person; 0.3 finds more, and some furniture.",
     )
     max_people: int = Field(
         default=20, ge=1, le=1000, description="Largest number of people, best first."
     )
     same_person: Share = Field(
-        default=0.8, description="Masks that share more of their union than this are one person."
+        default=0.8, description="Masks with an IoU above this are one person."
     )
 
 

@@ -32,18 +32,17 @@ class Sam3Options(ModelOptions):
     )
     floor_words: str = Field(
         default="ground, floor, carpet.",
-        description="What the floor is called. Words between commas are looked for one by one, "
-        "and all that is found "
-        "is the floor. Empty: do not look for it.",
+        description="Text prompts for the floor, separated by "
+        "commas; everything detected is floor. Empty: no search.",
     )
     person_score: Share = Field(
-        default=0.5, description="Score from which something is a person; 0.3 finds more."
+        default=0.5, description="Minimum score of a person; 0.3 finds more."
     )
     max_people: int = Field(
         default=20, ge=1, le=1000, description="Largest number of people, best first."
     )
     same_person: Share = Field(
-        default=0.8, description="Masks that share more of their union than this are one person."
+        default=0.8, description="Masks with an IoU above this are one person."
     )
 
 

@@ -186,7 +186,7 @@ def read_calibration(
         if name is not None and named.count(name) > 1:
             raise InputError(
                 f"several photos are of camera {name} of {path}, such as {photo.name}: give one "
-                f"of each"
+                f"photo of each"
             )
         if name is None:
             found.append(None)
@@ -197,7 +197,7 @@ def read_calibration(
             if one.fits(size)
         ]
         if len(fitting) != 1:
-            stated = cameras[name].size or "no size, and its principal point is off the middle"
+            stated = cameras[name].size or "no size, and its principal point is off center"
             cause = "is turned or not" if fitting else f"has {size}"
             raise InputError(
                 f"camera {name} of {path} has {stated}, and {photo.name} {cause} px: give the "

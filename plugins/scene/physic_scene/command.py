@@ -115,7 +115,7 @@ def scene(
     """Reconstruct one moment from two to eight photos.
 
     Writes the files of `physic run`, cameras.json and photos.png. The frame is that of
-    the photo that shows most people.
+    the photo that shows the most people.
     """
     start = time.monotonic()
     from physic_core import load_config

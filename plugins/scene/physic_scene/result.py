@@ -41,7 +41,7 @@ def assemble(
     )
     reconstruction = with_checks(reconstruction, checks)
     moved = [
-        f"a person of {names} moved between them, and is as one of them shows"
+        f"a person of {names} moved between them; the result follows one of them"
         for names in solved.moved
     ]
     unseen = []
@@ -50,7 +50,7 @@ def assemble(
             own = reference.name
             shown = ", ".join(photo.name for photo in photos if row in photo.shown)
             unseen.append(
-                f"person {row} is not in {own}, but in {shown}: checks of {own} do not measure them"
+                f"person {row} is in {shown} only: the checks of {own} do not cover this person"
             )
     shared = "1 person" if len(solved.rows) == 1 else f"{len(solved.rows)} people"
     first = f"cameras of {len(photos)} photos from {shared}; the frame is that of {reference.name}"

@@ -27,8 +27,8 @@ class SegmenterOptions(MockOptions):
 
     missed_people: interfaces.Share = Field(
         0.03,
-        description="Share of people who are not found, times the noise; the largest in the photo "
-        "always is.",
+        description="Share of people who are not found, times the noise; the largest person "
+        "is always found.",
     )
     surfaces: bool = Field(
         False,

@@ -76,7 +76,7 @@ def recognise_world(image: UInt8Array, hole: BoolArray | None = None) -> Recogni
     if not name:
         raise _unknown_image_error(width, height, "carries no world's label")
     if name not in WORLDS:
-        raise _unknown_image_error(width, height, f"is of the world {name!r}, which there is not")
+        raise _unknown_image_error(width, height, f"is of the world {name!r}, which does not exist")
     if height * width > _LARGEST_PX:
         raise _unknown_image_error(
             width, height, f"is larger than mocks accept ({_LARGEST_PX} px in all)"

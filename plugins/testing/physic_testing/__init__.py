@@ -46,7 +46,7 @@ def physic_commands() -> list[PluginItem]:
         PluginItem(
             "plugins check",
             "physic_testing.commands.conformance:check",
-            "Run the conformance kit on a backend, on photos of synthetic worlds.",
+            "Run the conformance tests on a backend.",
         ),
         PluginItem(
             "plugins doctor",
@@ -56,7 +56,7 @@ def physic_commands() -> list[PluginItem]:
         PluginItem(
             "plugins new",
             "physic_testing.commands.scaffold:new",
-            "Create a plugin with one backend that passes the conformance kit.",
+            "Create a plugin with one backend that passes the conformance tests.",
         ),
     ]
 

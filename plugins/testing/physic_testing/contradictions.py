@@ -91,7 +91,7 @@ def _of_checks(result: Reconstruction, person: Person) -> Iterator[str]:
         if check.title not in person.why:
             yield f"has the failed check {check.name}, which why does not name"
     if failed and re.search(r"\bno check (fails|lowers)", person.why, re.IGNORECASE):
-        yield f"has failed checks, and why says that none fails: {person.why}"
+        yield f"has failed checks, but `why` says that none fails: {person.why}"
     if person.trust > min(value for value in person.marks.values() if value is not None):
         yield "has more trust than the least of its marks"
     for check in result.checks:

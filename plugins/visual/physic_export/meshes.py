@@ -226,10 +226,10 @@ def export_stl(request: ExportRequest) -> ExportedFiles:
             rows["corners"][:, 2] - rows["corners"][:, 0],
         )
         rows["normal"] = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-        head = f"PhySIC; unit: millimetre; {request.frame.up} up".encode("ascii").ljust(80)
+        head = f"PhySIC; unit: millimeter; {request.frame.up} up".encode("ascii").ljust(80)
         count = len(rows).to_bytes(4, "little")
         files[request.file_of(index)] = head + count + rows.tobytes()
-    note = "lengths are in millimeters, as slicers read them, at the size of life: scale the body"
+    note = "lengths are in millimeters, as slicers read them, at life size: scale the body"
     return ExportedFiles(files, (note,))
 
 

@@ -105,7 +105,7 @@ def combined_glb(result: Reconstruction) -> bytes:
         except InputError as error:
             reason = str(error)
     else:
-        reason = "it is in a file of yours; `physic export --to glb` writes it"
+        reason = "your own file has it; `physic export --to glb` writes it"
     return build_glb(request, skins, add_dressed, reason).content()
 
 

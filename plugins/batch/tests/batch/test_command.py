@@ -63,7 +63,7 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path, mon
     assert again.exit_code == 0  # summary.csv and the page of the first run are replaced
     assert len(Path("out/people.csv").read_text().splitlines()) == 2
     assert again.stderr == (
-        "2 photos: 1 done before; 1 failed before (--retry failed tries them again); 0 to do\n"
+        "2 photos: 1 done before; 1 failed before (--retry failed retries them); 0 to do\n"
     )
     assert Path("out/journal.jsonl").read_text() == journal
     for name in ("x", "y"):

@@ -86,7 +86,7 @@ class FrameChoice:
         listed = list(dict.fromkeys(name for name in listed if name))
         if unknown := sorted(set(listed) - set(names)):
             raise InputError(
-                f"{self.file} lists frames that there are not: {', '.join(unknown[:5])}"
+                f"{self.file} lists frames that do not exist: {', '.join(unknown[:5])}"
             )
         return evenly_spaced(listed, self.limit)
 

@@ -75,8 +75,8 @@ def _note(people: People, asked: BoolArray, why: str) -> str:
     boxes = boxes_from_masks(people.masks[asked]).round().astype(int).tolist()
     places = " and ".join(",".join(map(str, box)) for box in boxes)
     return (
-        f"who is in the box {places} px {why} Then leave it out by --ignore x,y. If not, give one "
-        f"--person x,y for each person to keep; until then this size counts half"
+        f"the person in the box {places} px {why} If so, leave it out by --ignore x,y. If not, "
+        f"give --person x,y for each person to keep; until then this size has half the weight"
     )
 
 

@@ -93,7 +93,7 @@ def test_a_colour_picture_is_no_depth(tmp_path):
         name: np.full((4, 6), value, np.float32)
         for name, value in zip("RGB", (1, 2, 3), strict=True)
     }
-    with pytest.raises(InputError, match="cannot be told"):
+    with pytest.raises(InputError, match="unclear which channel"):
         read_depth(written(tmp_path / "d.exr", colours), 1.0, None)
 
 

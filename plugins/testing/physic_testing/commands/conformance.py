@@ -43,10 +43,12 @@ def check(
     device: str,
     as_json: bool,
 ) -> None:
-    """Check the backends called NAME on photos of synthetic worlds and print contract violations.
+    """Run the conformance tests on the backends called NAME.
+
+    The tests use photos of synthetic worlds, and print each violation of the contract.
 
     NAME is a backend, DISTRIBUTION:BACKEND, or PACKAGE.MODULE:CLASS. Ends with code 5 if a check
-    fails, and with 4 if the backend could not be tried because something is missing on this
+    fails, and with 4 if the backend could not run because something is missing on this
     machine.
     """
     from physic_core.discovery.backends import find_backend, find_by_name

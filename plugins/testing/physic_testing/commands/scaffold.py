@@ -15,7 +15,7 @@ from physic_core.cli.output import echo
 @click.option("--interface", required=True, metavar="NAME", help="Interface, such as metric_depth.")
 @click.option("--folder", type=AnyPath(), help="Output folder.  [default: physic-NAME]")
 def new(name: str, interface: str, folder: Path | None) -> None:
-    """Create a plugin, physic-NAME, with one backend called NAME that passes the conformance kit.
+    """Create a plugin, physic-NAME, with one backend that passes the conformance tests.
 
     Then replace the example code by your own.
     """

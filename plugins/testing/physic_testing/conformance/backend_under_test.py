@@ -44,8 +44,8 @@ CAPABILITIES: dict[str, str] = {
     "returns_intrinsics": "always returns the camera intrinsics",
     "ignores_image": "output depends on no pixel, such as that of a placeholder: checks of bias "
     "are skipped, but for that of disparity",
-    "exact": "output is the truth in synthetic photos, as of a perfect network: errors have close "
-    "limits",
+    "exact": "output is the ground truth of synthetic photos "
+    "(a perfect network): limits on errors are tight",
 }
 """Valid entries of a backend class's ``capabilities`` attribute -> effect on the checks."""
 

@@ -54,8 +54,9 @@ _MIRRORED = "Was the photo mirrored for the network, and the body not mirrored b
 
 _FOCAL = (
     "Is it the focal length of the crop, or of the network? z is the focal length of the photo in "
-    "px / px per meter, in px of the photo: scale what the network says of a crop by the side of "
-    "the crop. z is positive in front of an OpenCV camera: turn bodies of an OpenGL camera."
+    "px / px per meter, in px of the photo: multiply the network's output by "
+    "the side of the crop. "
+    "z is positive in front of an OpenCV camera: turn bodies of an OpenGL camera."
 )
 
 _DEGREES = "Are they in degrees?"

@@ -103,7 +103,7 @@ def check_options_are_complete(subject: BackendUnderTest) -> None:
     expect(is_model, "a subclass of physic_core.interfaces.Options", f"{options!r}")
     expect(
         options.model_config.get("extra") == "forbid",
-        "an error for unknown options, such as misspelt ones",
+        "an error for unknown options, such as misspelled ones",
         "a model that takes any key",
         "Derive Options from physic_core.interfaces.Options and do not change its model_config.",
     )

@@ -128,7 +128,7 @@ def check_skeleton_is_known(subject: BackendUnderTest) -> None:
     expect(count == len(skeleton), f"{len(skeleton)} joints of {skeleton.name!r}", f"{count}")
 
 
-_BACK = "Was the output for a mirrored photo mirrored back, points and names?"
+_BACK = "For a mirrored photo, are points and left/right names mirrored back?"
 _CROP = "Are points clipped to the crop?"
 
 _OTHER = (

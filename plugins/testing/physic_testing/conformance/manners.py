@@ -71,7 +71,7 @@ def check_leaves_home_and_network_alone(subject: BackendUnderTest) -> None:
     expect(not places, "no network", f"a request of {', '.join(places)}", hint)
     module = sys.modules.get(subject.kind.__module__)
     if getattr(module, subject.kind.__qualname__, None) is not subject.kind:
-        raise CheckSkipped("the home folder was not looked at: the class cannot be imported")
+        raise CheckSkipped("the home folder was not checked: the class cannot be imported")
     names = _files_in_a_new_home(subject)
     expect(
         not names,

@@ -199,7 +199,7 @@ def check_rows_do_not_depend_on_other_people(subject: BackendUnderTest) -> None:
         "the same row for a person alone as among others",
         f"other rows for {len(differ)} of {count} people: {''.join(differ[:1])}",
         "Is a layer in training mode (call eval()), or are values normalized over people? Dynamic "
-        "ranges of quantised networks are for all rows of a batch: show it one person at a time.",
+        "ranges of quantized networks are for all rows of a batch: show it one person at a time.",
     )
 
 

@@ -111,7 +111,7 @@ def refusal(image):
 def test_another_photo_is_refused(two):
     assert "80 x 60 px image carries no world's label" in refusal(np.zeros((60, 80, 3), np.uint8))
     other = labels.embed_label(two.image, "moon")
-    assert "image is of the world 'moon', which there is not" in refusal(other)
+    assert "image is of the world 'moon', which does not exist" in refusal(other)
     painted = two.image.copy()
     painted[100:112, 100:200] ^= 0x40
     assert "differs from the world 'hug' in 1.6% of its pixels" in refusal(painted)
