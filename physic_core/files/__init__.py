@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from physic_core.files.text import write_csv as write_csv
     from physic_core.files.values import boolean as boolean
     from physic_core.files.values import count as count
+    from physic_core.files.values import entries as entries
     from physic_core.files.values import identity as identity
     from physic_core.files.values import matrix as matrix
     from physic_core.files.values import number as number
@@ -69,7 +70,7 @@ _NAMES = {
     "plain": "DamagedFileError read_value split write_value",
     "text": "csv_writer finite from_json parse_json parse_toml path_problem printable quoted "
     "read_csv shorten to_json whole write_csv",
-    "values": "boolean count identity matrix number",
+    "values": "boolean count entries identity matrix number",
 }
 
 __getattr__ = importer(__name__, _NAMES)

@@ -63,6 +63,17 @@ def identity(value: Any, what: str) -> str:
     return value if isinstance(value, str) else str(count(value, what))
 
 
+def entries(value: Any, what: str) -> list[Any]:
+    """Return a list, an empty one for nothing.
+
+    Raises:
+        ValueError: it is anything else, such as an empty text, which is false, too.
+    """
+    if not isinstance(value, list | None):
+        raise ValueError(f"{what} should be a list (got {quoted(value)})")
+    return value or []
+
+
 def matrix(values: Any, what: str) -> NDArray[np.float64]:
     """Return an array of numbers.
 

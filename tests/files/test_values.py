@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.files import boolean, count, identity, matrix, number
+from physic_core.files import boolean, count, entries, identity, matrix, number
 
 
 @pytest.mark.parametrize("value", [7, 7.0, np.float32(7), np.int64(7)])
@@ -38,6 +38,13 @@ def test_a_text_and_a_number_are_the_same_identity():
     for value in (True, None, 1.5):
         with pytest.raises(ValueError, match="id"):
             identity(value, "id")
+
+
+def test_only_nothing_is_an_empty_list():
+    assert entries(None, "images") == entries([], "images") == []
+    for value in ("", 0, False, {}, "a"):
+        with pytest.raises(ValueError, match="images should be a list"):
+            entries(value, "images")
 
 
 def test_a_matrix_holds_numbers_alone():

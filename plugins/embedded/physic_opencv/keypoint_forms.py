@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
-from physic_core.files import boolean, count, identity, matrix, number, quoted
+from physic_core.files import boolean, count, entries, identity, matrix, number, quoted
 from physic_core.types import SKELETONS, KeypointTable
 
 Row = tuple[int, str, float, float, float]
@@ -109,11 +109,11 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
         isinstance(one, Mapping) for one in annotations
     ):
         raise ValueError("it has no list of annotations")
-    images = by_id(dataset.get("images"))
+    images = by_id(dataset, "images")
     image, of_image = shown_in(annotations, images, photo)
     names = {
         key: tuple(identity(name, "the name of a joint") for name in one["keypoints"])
-        for key, one in by_id(dataset.get("categories")).items()
+        for key, one in by_id(dataset, "categories").items()
         if one.get("keypoints")
     }
     everywhere: list[Row] = []
@@ -138,9 +138,9 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
     return KeypointTable(tuple(_first_visible(rows)), scored, size, notes)
 
 
-def by_id(entries: Any) -> dict[str, Mapping[str, Any]]:
-    """Return images or categories of COCO by their id."""
-    return {id_of(one, "id"): one for one in entries or ()}
+def by_id(dataset: Mapping[str, Any], key: str) -> dict[str, Mapping[str, Any]]:
+    """Return the images or categories of a dataset of COCO by their id."""
+    return {id_of(one, "id"): one for one in entries(dataset.get(key), key)}
 
 
 def id_of(entry: Mapping[str, Any], key: str) -> str:
@@ -258,7 +258,7 @@ def _read_openpose(document: Any, photo: str) -> KeypointTable:
     """Read OpenPose's JSON; other tools write COCO's 17, 23, 26 or 133 joints in it."""
     rows: list[Row] = []
     for person, one in enumerate(document["people"]):
-        body = one.get("pose_keypoints_2d") or []
+        body = entries(one.get("pose_keypoints_2d"), f"pose_keypoints_2d of person {person}")
         rows += _triples(person, body, _OPENPOSE.get(len(body) // 3))
         for side in ("left", "right"):
             hand = _names(f"openpose_hand21_{side}")
@@ -286,8 +286,8 @@ def _read_openpose_picture(document: Any, photo: str) -> KeypointTable:
 def _read_ultralytics(document: Any, photo: str) -> KeypointTable:
     rows: list[Row] = []
     for person, one in enumerate(document):
-        marks = one.get("keypoints") or {"x": [], "y": []}
-        scores = marks.get("visible") or [1.0] * len(marks["x"])
+        marks = {"x": [], "y": []} if one.get("keypoints") is None else one["keypoints"]
+        scores = entries(marks.get("visible", [1.0] * len(marks["x"])), "visible")
         if marks["x"]:
             rows += _pairs(person, list(zip(marks["x"], marks["y"], strict=True)), scores)
     return KeypointTable(tuple(rows), True, notes=_note_on_unread(document, _OF_PERSON))
@@ -367,9 +367,11 @@ def _read_label_studio(document: Any, photo: str) -> KeypointTable:
         if not boolean(annotation.get("was_cancelled"), "was_cancelled")
         for one in annotation.get("result", ())
     ]
+    others = sum(identity(one["type"], "a type") != "keypointlabels" for one in marks)
     rows: list[Row] = []
     size = None
     notes = (
+        *(f"left out {others} marks of Label Studio that are no keypoints",) * bool(others),
         *_note_on_other_name(tasks[0].get("data") or {}, "image", photo),
         *_note_on_unread(marks, _OF_MARK),
         *_note_on_unread((one["value"] for one in marks), "x y width keypointlabels"),
@@ -390,7 +392,7 @@ def _read_label_studio(document: Any, photo: str) -> KeypointTable:
             number(value[axis], axis) / 100 * side - 0.5
             for axis, side in zip("xy", size, strict=True)
         )
-        label = identity(value["keypointlabels"][0], "a label")
+        label = identity(entries(value["keypointlabels"], "keypointlabels")[0], "a label")
         rows.append((0, label, x, y, 2.0))
     return KeypointTable(tuple(rows), False, size, notes)
 

@@ -95,10 +95,10 @@ def _of_json(document: Any, file: FileOfPhoto) -> MasksInFile:
         raise ValueError("it has no list of annotations with a segmentation")
     if any("predicted_iou" in one for one in entries):
         return MasksInFile(_all(entries, file.size), are_people=False)
-    images = by_id(dataset.get("images"))
+    images = by_id(dataset, "images")
     image, shown = shown_in(entries, images, file.photo)
     size = stated_size(images.get(image, {}), "width", "height") or file.size
-    categories = by_id(dataset.get("categories"))
+    categories = by_id(dataset, "categories")
     people = {key for key, one in categories.items() if one.get("name") == _PERSON}
     chosen = [one for one in shown if id_of(one, "category_id") in (people or {_COCO_PERSON, ""})]
     if not chosen:

@@ -323,3 +323,38 @@ def test_without_a_reader_json_is_refused_with_what_to_install(monkeypatch):
     monkeypatch.setenv("PHYSIC_PLUGINS", "metricbody-testing")
     with pytest.raises(PackageMissingError, match="metricbody-embedded"):
         read("openpose")
+
+
+@pytest.mark.parametrize(
+    ("name", "keys", "value"),
+    [
+        ("ultralytics_to_json", (0, "keypoints", "visible"), ""),
+        ("ultralytics_to_json", (0, "keypoints", "visible"), 0),
+        ("ultralytics_to_json", (0, "keypoints"), ""),
+        ("openpose", ("people", 0, "pose_keypoints_2d"), ""),
+        ("coco_wholebody_dataset", ("images",), ""),
+        ("labelstudio", (0, "annotations", 0, "result", 0, "type"), None),
+        ("labelstudio", (0, "annotations", 0, "result", 0, "value", "keypointlabels"), "n"),
+    ],
+)
+def test_what_is_false_or_of_another_kind_is_no_empty_list(tmp_path, name, keys, value):
+    document = json.loads((FILES / f"{name}.json").read_text())
+    *path, last = keys
+    entry = document
+    for key in path:
+        entry = entry[key]
+    entry[last] = value
+    file = tmp_path / "keypoints.json"
+    file.write_text(json.dumps(document))
+    with pytest.raises(InputError):
+        read_keypoints(str(file), *SLOPE)
+
+
+def test_marks_of_another_type_are_counted(tmp_path):
+    document = json.loads((FILES / "labelstudio.json").read_text())
+    document[0]["annotations"][0]["result"][0]["type"] = "rectanglelabels"
+    file = tmp_path / "keypoints.json"
+    file.write_text(json.dumps(document))
+    given = read_keypoints(str(file), *SLOPE)
+    assert "nose" not in given.joint
+    assert any(note.startswith("left out 1 marks") for note in given.notes)
