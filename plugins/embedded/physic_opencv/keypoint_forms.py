@@ -231,11 +231,16 @@ def stated_size(entry: Mapping[str, Any], width: str, height: str) -> tuple[int,
     """Return the size that an object states; None if it states none, or 0.
 
     Raises:
-        ValueError: a side is no number.
+        ValueError: a side is no whole number, or only one is stated.
     """
-    if not (entry.get(width) or entry.get(height)):
+    sides = [
+        (0 if entry.get(key) is None else count(entry[key], key), key) for key in (width, height)
+    ]
+    if not any(side for side, _ in sides):
         return None
-    return int(number(entry.get(width), width)), int(number(entry.get(height), height))
+    if wrong := [f"{key} is {side}" for side, key in sides if side < 1]:
+        raise ValueError(f"the {wrong[0]} of a picture")
+    return sides[0][0], sides[1][0]
 
 
 def _pairs(

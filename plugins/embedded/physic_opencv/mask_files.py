@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.errors import InputError
-from physic_core.files import ImageSource, decode, matrix, number, open_image, read_text
+from physic_core.files import ImageSource, count, decode, matrix, number, open_image, read_text
 from physic_core.types import FileOfPhoto, MasksInFile
 from physic_opencv.documents import open_document
 from physic_opencv.keypoint_forms import by_id, id_of, shown_in, stated_size
@@ -19,6 +19,8 @@ _Masks = NDArray[np.bool_]
 _PERSON = "person"
 _COCO_PERSON = "1"
 _MAX_TEXT = 100_000_000
+_FARTHEST_PX = 1e6
+_MAX_PIXELS = 1 << 28
 
 
 def masks_of(file: FileOfPhoto) -> MasksInFile | None:
@@ -98,6 +100,7 @@ def _of_json(document: Any, file: FileOfPhoto) -> MasksInFile:
     images = by_id(dataset, "images")
     image, shown = shown_in(entries, images, file.photo)
     size = stated_size(images.get(image, {}), "width", "height") or file.size
+    _check_size(*size)
     categories = by_id(dataset, "categories")
     people = {key for key, one in categories.items() if one.get("name") == _PERSON}
     chosen = [one for one in shown if id_of(one, "category_id") in (people or {_COCO_PERSON, ""})]
@@ -117,13 +120,23 @@ def _mask(segmentation: Any, size: tuple[int, int]) -> _Masks:
     """Return the mask (H, W) of polygons, or of run lengths that are by column."""
     if isinstance(segmentation, list):
         return _filled([matrix(one, "a polygon").reshape(-1, 2) for one in segmentation], size)
-    height, width = matrix(segmentation["size"], "size").astype(int).tolist()
+    height, width = (count(side, "a side") for side in segmentation["size"])
+    _check_size(width, height)
     counts = segmentation["counts"]
-    runs = _run_lengths(counts) if isinstance(counts, str) else matrix(counts, "counts").astype(int)
+    runs = (
+        _run_lengths(counts)
+        if isinstance(counts, str)
+        else [count(one, "a run length") for one in counts]
+    )
     if sum(runs) != height * width:
         raise ValueError(f"run lengths are of {sum(runs)} px, and the size is {width} x {height}")
     values = np.arange(len(runs)) % 2 == 1
     return np.repeat(values, runs).reshape(width, height).T
+
+
+def _check_size(width: int, height: int) -> None:
+    if min(width, height) < 1 or width * height > _MAX_PIXELS:
+        raise ValueError(f"it is of a picture of {width} x {height} px")
 
 
 def _run_lengths(text: str) -> list[int]:
@@ -153,6 +166,8 @@ def _filled(polygons: list[NDArray[Any]], size: tuple[int, int]) -> _Masks:
     for points in polygons:
         if len(points) < 3:
             raise ValueError(f"a polygon has {len(points)} points, and at least 3 are needed")
+        if np.abs(points).max() > _FARTHEST_PX:
+            raise ValueError(f"a polygon has a point at {np.abs(points).max():g} px")
         cv2.fillPoly(mask, [np.rint(np.asarray(points, np.float64) - 0.5).astype(np.int32)], 1)
     return mask > 0
 

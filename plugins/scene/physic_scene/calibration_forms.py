@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.files import boolean, count, matrix, number, parse_json, parse_toml, read_text
+from physic_core.files import (
+    boolean,
+    count,
+    identity,
+    matrix,
+    number,
+    parse_json,
+    parse_toml,
+    read_text,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -92,7 +101,8 @@ def _add(found: dict[str, Any], name: str, entry: Any) -> None:
 
 def _pose(rotation: Any, translation: Any) -> dict[str, Any]:
     """Return R and t, or nothing if not known; the rotation is a vector (Rodrigues) or a matrix."""
-    if isinstance(rotation, str | None):  # Caliscope has written "null"
+    is_text = isinstance(rotation, str)
+    if rotation is None or (is_text and rotation == "null"):  # Caliscope has written the text
         return {}
     values = matrix(rotation, "a rotation")
     R = (
@@ -136,7 +146,7 @@ def _read_toml(path: Path) -> CameraFile:
     _refuse_others("its metadata", document.get("metadata", ()), ("adjusted", "error"))
     for key in cameras:
         one = entries[key]
-        name = str(one.get("name", f"cam_{key}" if nested else key))
+        name = identity(one.get("name", f"cam_{key}" if nested else key), "the name of a camera")
         if boolean(one.get("ignore"), f"ignore of camera {name}"):
             continue
         _refuse_others(f"camera {name}", one, _TOML_KEYS)
@@ -241,7 +251,7 @@ def _read_nerfstudio(path: Path) -> CameraFile:
         if other := [key for key in frame if document.get(key, frame[key]) != frame[key]]:
             raise ValueError(f"its {other[0]} differs from that of {frame['file_path']}: keep one")
         one = frame | document
-        name = one["file_path"]
+        name = identity(one["file_path"], "file_path")
         model = one.get("camera_model", "OPENCV")
         values = one | {"fx": one["fl_x"], "fy": one["fl_y"]}
         to_world = matrix(one["transform_matrix"], f"transform_matrix of {name}")[:3]

@@ -141,3 +141,25 @@ def test_a_camera_of_another_photo_is_left_out(read):
 def test_a_number_as_a_text_is_refused(read, changes):
     with pytest.raises(InputError, match="should be a"):
         read(camera_table(**changes))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('name = "left"', "name = true"),
+        ('name = "left"', 'name = ["left"]'),
+        ("rotation = [0.0, 0.0, 0.1]", 'rotation = "5 deg"'),
+    ],
+)
+def test_a_name_or_a_rotation_of_another_kind_is_refused(read, old, new):
+    text = """
+        [left]
+        name = "left"
+        size = [640, 480]
+        matrix = [[900.0, 0.0, 319.5], [0.0, 905.0, 239.5], [0.0, 0.0, 1.0]]
+        rotation = [0.0, 0.0, 0.1]
+        translation = [0.0, 0.0, 0.0]
+    """
+    assert read(text)[0] is not None
+    with pytest.raises(InputError):
+        read(text.replace(old, new))

@@ -175,3 +175,40 @@ def test_a_picture_of_colors_is_named(tmp_path):
     Image.new("RGB", (WIDTH, HEIGHT), "red").save(tmp_path / "a.png")
     with pytest.raises(InputError, match="colors"):
         read(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize(
+    "segmentation",
+    [
+        [[5, 5, 1e300, 5, 30, 25]],
+        [[5, 5, 2**63, 5, 30, 25]],
+        {"size": [HEIGHT, 1e300], "counts": [1]},
+        {"size": [10**6, 10**6], "counts": [10**12]},
+        {"size": [HEIGHT, WIDTH], "counts": [1.5, HEIGHT * WIDTH - 1.5]},
+        {"size": [HEIGHT, WIDTH], "counts": [-1, HEIGHT * WIDTH + 1]},
+        {"size": [0, WIDTH], "counts": []},
+    ],
+)
+def test_segmentations_of_no_picture_are_refused(tmp_path, segmentation):
+    path = tmp_path / "masks.json"
+    path.write_text(json.dumps([{"category_id": 1, "segmentation": segmentation}]))
+    with pytest.raises(InputError):
+        read(path)
+
+
+@pytest.mark.parametrize("side", [0, -1, 1e-320, 10**9, "60"])
+def test_a_picture_has_two_sides(tmp_path, side):
+    path = tmp_path / "masks.json"
+    images = [{"id": 1, "width": WIDTH, "height": side}]
+    annotations = [{"image_id": 1, "segmentation": [RECTANGLE]}]
+    path.write_text(json.dumps({"images": images, "annotations": annotations}))
+    with pytest.raises(InputError):
+        read(path)
+
+
+def test_masks_without_a_pixel_are_counted(tmp_path):
+    path = tmp_path / "masks.json"
+    path.write_text(json.dumps([{"segmentation": [RECTANGLE]}, {"segmentation": []}]))
+    found = read(path)
+    assert len(found.masks) == 1
+    assert any(note.startswith("left out 1 given masks") for note in found.notes)
