@@ -80,6 +80,7 @@ _QUANTITIES: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
 """What a file holds -> its inverse depth, up to a factor and a shift, and the cure."""
 
 _FIELDS = (0.7, 0.8, 0.9, 1.0, 1.11, 1.25, 1.43)  # of view, over the photo's
+_SHAPES = (9 / 16, 3 / 4, 4 / 3, 16 / 9)  # of a canvas that was resized, over the photo's
 _OFFSETS = tuple(np.arange(-4, 5) * 0.03)  # of the long side
 
 
@@ -125,7 +126,11 @@ def compare_depth(depth: FloatArray, seen: Sequence[Pointmap], camera: Intrinsic
     if as_stated <= _AGREES and not _is_buffer(small):
         return Comparison(as_stated, as_stated)
     best = min(
-        (*_other_readings(small, ray, maps), *_moved_readings(small, maps)),
+        (
+            *_other_readings(small, ray, maps),
+            *_moved_readings(small, maps),
+            *_padded_readings(small, maps),
+        ),
         key=lambda one: one[0],
     )
     return Comparison(as_stated, *best) if best[0] <= _FITS else Comparison(as_stated, as_stated)
@@ -178,6 +183,26 @@ def _moved_readings(
         f"and {down:+.0%} down",
         "give a depth map that is registered to the photo, pixel by pixel",
     )
+
+
+def _padded_readings(
+    depth: FloatArray, maps: Sequence[FloatArray]
+) -> Iterator[tuple[float, str, str]]:
+    """Yield the error, name and cure of each map that was resized with bars beside the picture."""
+    height, width = depth.shape
+    for shape in _SHAPES:
+        rows = round(height * min(1, shape))
+        columns = round(width * min(1, 1 / shape))
+        top, left = (height - rows) // 2, (width - columns) // 2
+        picture = depth[top : top + rows, left : left + columns]
+        y = (np.arange(height) + 0.5) / height * rows
+        x = (np.arange(width) + 0.5) / width * columns
+        error = _error(_nearness(picture[y.astype(int)][:, x.astype(int)]), maps)
+        yield (
+            _TWO_CHANGES * error,
+            f"of a picture with bars {'at the top and bottom' if shape < 1 else 'at the sides'}",
+            "cut the bars off, and resize the rest to the photo",
+        )
 
 
 def _moved(values: FloatArray, field: float, right: float, down: float) -> FloatArray:
