@@ -341,10 +341,9 @@ def _rows(person: BenchPerson, wanted: Sequence[str]) -> Array:
 
 def _no_transfer_text(what: str, source: str, target: str) -> str:
     files = sorted({f"--{name} FILE" for name in (source, target) if name in ("smpl", "smplx")})
-    need = " and ".join(files) or "a body model file of both, which are not known"
+    need = " and ".join(files) or "body model files, and these models are not known"
     return (
-        f"{what} are on the mesh '{source}' and the truth on '{target}': carrying them over "
-        f"needs {need}"
+        f"{what} are on the mesh '{source}' and the truth on '{target}': the transfer needs {need}"
     )
 
 

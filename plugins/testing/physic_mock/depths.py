@@ -105,9 +105,8 @@ class RelativePointmapOptions(MockOptions):
         None,
         ge=-1e6,
         le=1e6,
-        description="The unknown shift t, meters or 1 / meters. None draws it for "
-        "inverse_scale_shift, and is 0 for "
-        "scale_shift. Unused where there is none.",
+        description="The unknown shift t, meters or 1 / meters. By default, random for "
+        "inverse_scale_shift, and 0 for scale_shift.",
     )
     up_sigma: float | None = Field(
         NORMAL["up"][1],

@@ -223,7 +223,7 @@ def check_depth_is_where_it_can_be_known(subject: BackendUnderTest) -> None:
         expect(
             repeated < MAX_REPEATED + _repeated_share(truth["z"]),
             "a depth for each pixel",
-            f"{repeated:.0%} of the rows or columns as the one before {where}",
+            f"{repeated:.0%} of the rows or columns equal the one before {where}",
             "Is the output of a smaller grid repeated? Resize it by interpolation.",
         )
         sky = is_known[inner_pixels(~np.isfinite(truth["z"]))]
