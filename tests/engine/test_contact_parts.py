@@ -142,15 +142,16 @@ def test_parts_of_which_nobody_speaks_touch_only_what_is_near(person):
     assert {"head", "back", "seat"} <= {one.part for one in carried}
 
 
-def test_a_part_without_skin_that_faces_down_does_not_touch_what_it_is_far_from(person):
-    """The back of a person who lies face down, and on the back by the observer."""
+@pytest.mark.parametrize("part", ["back", "seat"])
+def test_a_part_without_skin_that_faces_down_does_not_touch_what_it_is_far_from(person, part):
+    """The back of a person who lies face down, and on the back, or sits, by the observer."""
     axes = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     vertices = person.vertices @ axes.T
     moved = replace(person.joint, vertices=vertices, joints=person.joints @ axes.T)
-    lies = with_touch(replace(person, joint=moved), back=("world", 0.9))
+    lies = with_touch(replace(person, joint=moved), **{part: ("world", 0.9)})
     found = contact(with_scene(lies, floor_offset=-float(vertices[0, :, 1].min())))
-    assert float(found.parts["back"]) < LEAST_PROBABILITY
-    assert "back" not in {one.part for one in found.contacts[0]}
+    assert float(found.parts[part]) < LEAST_PROBABILITY
+    assert part not in {one.part for one in found.contacts[0]}
 
 
 def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stage):

@@ -222,8 +222,12 @@ def _add_hidden_contacts(
 ) -> Touch:
     """Add contacts of hidden supports, and of buttocks that probably touch the world and nothing
     that is known. All contacts with what is hidden or unknown get the probability of their part.
+
+    If too little skin of the buttocks faces down to be listed, the pose or the answer is wrong,
+    either as probably as the other.
     """
     kind = touch.kind.clone()
+    parts = {**touch.parts}
     for i, one in enumerate(carried):
         if one is not None:
             kind[i, one.hidden] = torch.where(one.seat[one.hidden], HIDDEN_SEAT, HIDDEN)
@@ -231,13 +235,15 @@ def _add_hidden_contacts(
         seat = contact_part_masks(state.model)[SEAT]
         on_world = (kind == _SCENE) | (kind >= HIDDEN)
         lost = (touch.parts[SEAT] >= LEAST_PROBABILITY) & ~(on_world & seat).any(1)
-        down = near.normals @ state.up < -FACES_UP
-        kind[lost[:, None] & seat & down] = HIDDEN_SEAT
+        under = seat & (near.normals @ state.up < -FACES_UP)
+        kind[lost[:, None] & under] = HIDDEN_SEAT
+        cannot = lost & (under.sum(1) < MIN_VERTICES)
+        parts[SEAT] = torch.where(cannot, 0.5 * parts[SEAT], parts[SEAT])
     probability = touch.probability
-    if probability is not None and touch.parts:
-        of_parts = values_by_vertex(state.model, touch.parts).to(probability)
+    if probability is not None and parts:
+        of_parts = values_by_vertex(state.model, parts).to(probability)
         probability = torch.where(kind >= HIDDEN, of_parts, probability)
-    return replace(touch, kind=kind, probability=probability)
+    return replace(touch, kind=kind, probability=probability, parts=parts)
 
 
 def _seen_floor(state: State) -> Tensor | None:
