@@ -35,8 +35,7 @@ def read_masks(file: FileOfPhoto) -> MasksInFile:
         found: MasksInFile = read_by_plugin("physic_mask_readers", "masks", file)
         if not found.masks.any():
             raise ValueError("it has no mask with a pixel: was a mask of 0 and 1 read as 0 to 255?")
-        has_pixel = found.masks.any((1, 2))
-        masks = _of_size(found.masks[has_pixel], file.size)
+        masks = _of_size(found.masks[found.masks.any((1, 2))], file.size)
         if found.are_people and masks.sum() > masks[0].size:
             raise ValueError("its masks overlap in much of the picture: are they inverted?")
     except OSError as error:
@@ -49,7 +48,7 @@ def read_masks(file: FileOfPhoto) -> MasksInFile:
             mask &= ~taken
             taken |= mask
         masks = masks[masks.any((1, 2))]
-    left_out = len(has_pixel) - len(masks)
+    left_out = len(found.masks) - len(masks)
     notes = (f"left out {left_out} given masks that have no pixel of their own",) * bool(left_out)
     return replace(found, masks=masks, notes=(*found.notes, *notes))
 
