@@ -318,8 +318,10 @@ def turned_masks(given: BoolArray, seen: BoolArray) -> str:
 
 
 def mask_iou(masks: BoolArray, others: BoolArray) -> FloatArray:
-    """Return the intersections over unions (M, N) of masks (M, H, W) and (N, H, W)."""
-    flat, other = (one.reshape(len(one), -1).astype(np.float64) for one in (masks, others))
-    both = flat @ other.T
-    iou: FloatArray = both / np.maximum(flat.sum(1)[:, None] + other.sum(1) - both, 1)
+    """Return the intersections over unions (M, N) of masks (M, H, W) and (N, H, W) bool; 0 for
+    two empty masks.
+    """
+    both = np.tensordot(masks.astype(np.float64), others.astype(np.float64), ([1, 2], [1, 2]))
+    areas = masks.sum((1, 2))[:, None] + others.sum((1, 2))
+    iou: FloatArray = both / np.maximum(areas - both, 1)
     return iou

@@ -9,13 +9,13 @@ import numpy as np
 import torch
 from scipy.optimize import linear_sum_assignment
 
-from physic_core.backends.people import box_iou, boxes_from_masks
+from physic_core.backends.people import box_iou, boxes_from_masks, mask_iou
 from physic_core.body.bones import ANCESTOR_MATRIX, pose_from_parameters
 from physic_core.body.landmarks import keypoints_on_body
 from physic_core.engine.state import MatchedBodies
 from physic_core.errors import ConfigError, InputError
 from physic_core.geometry.raster import rasterize
-from physic_core.geometry.readings import mask_iou, turned_masks
+from physic_core.geometry.readings import turned_masks
 from physic_core.interfaces.bodies import valid_body_rows
 from physic_core.io.body_file import with_columns_of_zeros
 from physic_core.prepare.people import LEAST_OVERLAP

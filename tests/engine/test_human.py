@@ -147,13 +147,6 @@ def test_keypoints_that_no_place_explains_leave_the_body_in_front_of_the_camera(
     assert (depth > 0.1).all()
 
 
-@pytest.fixture(scope="module")
-def person(two):
-    """Who is placed by keypoints of unlike confidence, points and floor."""
-    confidence = torch.linspace(0.3, 1, two.state.keypoints.shape[1]).expand(2, -1)
-    return people(two, DEFAULT, keypoint_confidence=confidence)[0]
-
-
 ROWS = 90
 COLUMNS = 120
 ZERO = torch.zeros((), dtype=torch.float64)

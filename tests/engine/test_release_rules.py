@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 import torch
@@ -12,18 +11,6 @@ from torch.testing import assert_close
 from physic_core.types import SKELETONS, skeleton_named
 from physic_paper.released.pointmap import published_floor_grid, published_normals
 from physic_paper.released.reprojection import released_keypoint_weights
-
-from .adjusted import posed, with_scene
-
-
-def released(state, **changed):
-    """A state with the points that the preset asks for."""
-    x, z = torch.meshgrid(torch.linspace(-2, 2, 41), torch.linspace(2, 6, 41), indexing="ij")
-    height = torch.full_like(x, state.scene.floor.offset)
-    floor = torch.stack([x, height, z], -1).reshape(-1, 3)
-    body = posed(state)
-    points = tuple(v[::40] for v in body.vertices)
-    return replace(with_scene(state, floor_points=floor), **{"human_points": points} | changed)
 
 
 def weights(skeleton, confidence, points=None):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.backends.people import box_iou, boxes_from_masks
+from physic_core.backends.people import box_iou, boxes_from_masks, mask_iou
 from physic_core.types import People, select_people
 
 if TYPE_CHECKING:
@@ -160,10 +160,7 @@ def mask_nms(masks: BoolArray, scores: FloatArray, overlap: float = 0.8) -> NDAr
         scores: (N,).
         overlap: in [0, 1].
     """
-    flat = masks.reshape(len(masks), -1).astype(np.float32)
-    shared = flat @ flat.T
-    area = shared.diagonal()
-    iou = shared / np.maximum(area[:, None] + area[None] - shared, 1.0)
+    iou = mask_iou(masks, masks)
     kept: list[int] = []
     for i in np.argsort(-scores, kind="stable"):
         if all(iou[i, k] <= overlap for k in kept):

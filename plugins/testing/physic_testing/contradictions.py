@@ -12,6 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from physic_core import Person, Reconstruction
+from physic_core.backends.people import box_iou, mask_iou
 from physic_core.judge import CHECKS
 from physic_core.types import NO_PARTNER, BodyContact, SupportState
 
@@ -60,20 +61,15 @@ def _of_sentences(result: Reconstruction) -> Iterator[str]:
 def _of_people(result: Reconstruction) -> Iterator[str]:
     """Yield who is there twice."""
     for (i, one), (j, other) in combinations(enumerate(result.people), 2):
-        union = (one.mask | other.mask).sum()
-        if union and (one.mask & other.mask).sum() > _SAME * union:
+        if mask_iou(one.mask[None], other.mask[None]) > _SAME:
             yield f"people {i} and {j} have the same pixels"
     for i, person in enumerate(result.people):
         for unposed in result.unposed:
-            if "no pose" in unposed.reason and _overlap(person.box, unposed.box) > _SAME:
+            if (
+                "no pose" in unposed.reason
+                and box_iou(*np.array([[person.box], [unposed.box]], np.float64)) > _SAME
+            ):
                 yield f"person {i} has a pose, and the box of one without"
-
-
-def _overlap(a: object, b: object) -> float:
-    """Return the intersection over union of two boxes (4,)."""
-    (ax0, ay0, ax1, ay1), (bx0, by0, bx1, by1) = np.asarray(a), np.asarray(b)
-    both = max(0.0, min(ax1, bx1) - max(ax0, bx0)) * max(0.0, min(ay1, by1) - max(ay0, by0))
-    return float(both / max((ax1 - ax0) * (ay1 - ay0) + (bx1 - bx0) * (by1 - by0) - both, 1e-9))
 
 
 def _of_checks(result: Reconstruction, person: Person) -> Iterator[str]:

@@ -93,20 +93,17 @@ def contact_color(partner: ContactPartner) -> _Rgb:
     return CONTACT_PALETTE[contact_label(partner)]
 
 
-def contact_colors(
-    person: Person, partners: Sequence[ContactPartner], body: _Rgb = BODY_RGB
-) -> UInt8Array:
+def contact_colors(person: Person, partners: Sequence[ContactPartner]) -> UInt8Array:
     """Return the sRGB colours (V, 3) of a body by partner; of CONTACT_RGB in a result without
     partners.
 
     Args:
         person: with V vertices.
         partners: those of the result.
-        body: colour without contact.
     """
     if person.contact_partner is None:
-        return np.where(person.contact[:, None], CONTACT_RGB, body).astype(np.uint8)
-    table = np.array([*map(contact_color, partners), body], np.uint8)
+        return np.where(person.contact[:, None], CONTACT_RGB, BODY_RGB).astype(np.uint8)
+    table = np.array([*map(contact_color, partners), BODY_RGB], np.uint8)
     # -1, no partner, is the last row
     colors: UInt8Array = table[np.asarray(person.contact_partner, np.int64)]
     return colors

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.backends.people import mask_iou
 from physic_core.types import mirrored_order
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.networks.crops import RotatedSquare
@@ -195,7 +196,7 @@ def _with_mirror_image(
         mask=mean.mask,
         square=square,
         mirror_gap=_gap(look, other),
-        mirror_mask_iou=_mask_iou(look.mask, other.mask),
+        mirror_mask_iou=float(mask_iou(look.mask[None] > 0, other.mask[None] > 0)[0, 0]),
     )
 
 
@@ -294,10 +295,3 @@ def _gap(a: _RawPose, b: _RawPose) -> float:
     weight = np.minimum(a.visibility * a.presence, b.visibility * b.presence)[:33]
     apart = np.linalg.norm(a.points - b.points, axis=1)[:33]
     return float((weight * apart).sum() / max(weight.sum(), 1e-6) / LANDMARK_SIZE)
-
-
-def _mask_iou(a: Float, b: Float) -> float:
-    """Return the intersection over union of two masks given as logits."""
-    both = ((a > 0) & (b > 0)).sum()
-    any_ = ((a > 0) | (b > 0)).sum()
-    return float(both / max(any_, 1))

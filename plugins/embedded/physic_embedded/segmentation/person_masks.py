@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.backends.people import mask_iou
 from physic_embedded.networks.mobile_sam import predict_masks
 
 if TYPE_CHECKING:
@@ -210,14 +211,6 @@ def _best(
         x, y = _cells(points, embedding)
         return inside[:, y, x].mean(axis=1) if len(points) else np.zeros(len(inside))
 
-    fit = _iou(inside, rough) + 0.3 * share(joints) - 0.3 * share(outside)
+    fit = mask_iou(inside, rough[None])[:, 0] + 0.3 * share(joints) - 0.3 * share(outside)
     k = int(np.argmax(fit))
     return k, float(fit[k])
-
-
-def _iou(masks: Bool, rough: Bool) -> Float:
-    """Return the intersection over union (M,) of masks (M, rows, columns) with one mask."""
-    shared: Float = (masks & rough).sum(axis=(1, 2)) / np.maximum(
-        (masks | rough).sum(axis=(1, 2)), 1
-    )
-    return shared

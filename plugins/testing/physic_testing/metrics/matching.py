@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from physic_core.backends.people import box_iou
+from physic_core.backends import people
 from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
@@ -57,12 +57,7 @@ def mask_iou(predicted: BoolArray, truth: BoolArray) -> FloatArray:
             f"Masks must have one size, got {predicted.shape[1:]} and {truth.shape[1:]}: resize "
             f"one of them first."
         )
-    iou = np.zeros((len(predicted), len(truth)))
-    for i, guess in enumerate(predicted):
-        for j, fact in enumerate(truth):
-            union = np.count_nonzero(guess | fact)
-            iou[i, j] = np.count_nonzero(guess & fact) / union if union else 0.0
-    return iou
+    return people.mask_iou(predicted, truth)
 
 
 def match_by_masks(predicted: BoolArray, truth: BoolArray, min_iou: float = 0.5) -> Matching:
@@ -93,7 +88,7 @@ def match_by_boxes(
         min_iou: least IoU of a match.
     """
     boxes, others = (np.array([*some], np.float64).reshape(-1, 4) for some in (predicted, truth))
-    iou = box_iou(boxes, others)
+    iou = people.box_iou(boxes, others)
     return assign(-iou, iou >= min_iou)
 
 
