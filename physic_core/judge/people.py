@@ -399,11 +399,18 @@ def stature(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     """Return the difference between the stature and the mean of adults, or of children if the
     person is probably a child, in standard deviations.
 
-    People of known stature or age are not asked about.
+    Of people of known stature and age, it is that of the two. With one of them known, it is not
+    measured.
     """
-    from physic_core.engine.sizes.stature import stature_surprise
+    from physic_core.engine.sizes.stature import stature_surprise, stature_surprise_at_age
 
     who = result.people[person]
+    height, years = (own[person] for own in estimates.photo.known.filled(len(result.people)))
+    if math.isfinite(height) and math.isfinite(years):
+        return stature_surprise_at_age(height, years), (
+            f"you gave {height:.2f} m and {years:g} years, which hardly go together: correct "
+            "--stature or --age"
+        )
     if who.stature is None or _is_known(estimates, result, person):
         return None
     child = math.nan if who.child_probability is None else who.child_probability

@@ -596,3 +596,14 @@ def test_a_stature_is_not_asked_of_people_of_known_age_or_size(known):
     estimates, result = case(stature=0.6, child_probability=0.9)
     estimates.photo.known = known
     assert not [one for one in run_checks(estimates, result) if one.name == "stature"]
+
+
+@pytest.mark.parametrize(
+    ("years", "stature", "failed"),
+    [(2, 1.5, True), (5, 1.9, True), (80, 2.3, True), (2, 0.87, False), (15, 1.7, False)],
+)
+def test_a_given_stature_that_a_given_age_does_not_have_fails(years, stature, failed):
+    estimates, result = case(stature=stature)
+    estimates.photo.known = KnownPeople(np.array([float(years)]), np.array([stature]))
+    (check,) = [one for one in run_checks(estimates, result) if one.name == "stature"]
+    assert check.failed == failed

@@ -214,6 +214,14 @@ def stature_surprise(stature: float, child: float, *, stands: bool) -> float:
     return float(np.sqrt(min(squares)))
 
 
+def stature_surprise_at_age(stature: float, years: float) -> float:
+    """Return by how many standard deviations a stature, metres, differs from that of an age."""
+    mean, sigma = float(np.log(ADULT_STATURE_M)), float(np.hypot(STATURE_SIGMA, FACTOR_SPREAD))
+    if years < ADULT_YEARS:
+        mean, sigma = load_child_growth().at_age(years)
+    return abs(float(np.log(stature)) - mean) / sigma
+
+
 def size_sigmas(
     stature: FloatArray,
     years: FloatArray,
