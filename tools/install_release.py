@@ -50,7 +50,7 @@ def main(arguments: list[str]) -> None:
             shutil.rmtree(folder, ignore_errors=True)
             sys.exit(f"nothing was installed: {error}")
         documents = folder / "share" / "physic"
-        shutil.copytree(content / "licences", documents / "licences")
+        shutil.copytree(content / "licenses", documents / "licenses")
         for name in ("CHANGELOG.md", "CITATION.cff", "sbom.json"):
             shutil.copy(content / name, documents)
     print(f"installed; now run:\n\n    {bin_folder / 'physic'} run photo.jpg")

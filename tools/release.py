@@ -3,7 +3,7 @@
     python tools/release.py [FOLDER]
 
 FOLDER/physic-VERSION.zip has the wheels of ``requirements.txt``, the versions that were tested
-together, the bill of materials, licences and notices, changelog, citation, and the SHA-256 of each
+together, the bill of materials, licenses and notices, changelog, citation, and the SHA-256 of each
 file. Python runs it: ``tools/install_release.py`` is its ``__main__.py``.
 """
 
@@ -35,11 +35,11 @@ def folders() -> list[Path]:
 def notices() -> Iterator[tuple[str, bytes]]:
     """Yield name and content of the licence, and of the notice of each network and body."""
     for name in ("LICENSE", "NOTICE"):
-        yield f"licences/{name}", (ROOT / name).read_bytes()
+        yield f"licenses/{name}", (ROOT / name).read_bytes()
     for folder in folders():
         packages = folder.glob("physic_*")
         for file in sorted(one for package in packages for one in package.rglob("*NOTICE*")):
-            yield f"licences/{file.relative_to(ROOT).as_posix()}", file.read_bytes()
+            yield f"licenses/{file.relative_to(ROOT).as_posix()}", file.read_bytes()
 
 
 def write_archive(folder: Path) -> Path:

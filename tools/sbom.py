@@ -2,8 +2,8 @@
 
     python tools/sbom.py [FILE]
 
-It lists the distributions of PhySIC, everything that they require, with versions and licences as
-installed, and the networks and the body that ship in the wheels, with their SHA-256 and licences.
+It lists the distributions of PhySIC, everything that they require, with versions and licenses as
+installed, and the networks and the body that ship in the wheels, with their SHA-256 and licenses.
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ def meetings(model: BodyModel, vertices: Tensor, touch: Tensor | None) -> tuple[
                 if not said[i, row, TOUCHED.index(word)] >= _LEAST_ALONE:
                     continue
                 others = [i] if word == "own body" else [j for j in everyone if j != i]
-                met = _met(points, said, parts, (i, part), others)
+                met = _likeliest_touch(points, said, parts, (i, part), others)
                 if met is not None and met[2] >= LEAST_PROBABILITY:
                     skin = (torch.from_numpy(ids).to(region) for ids in met[3:])
                     pairs.append(Meeting(i, part, *met[:3], *skin))
@@ -112,7 +112,7 @@ def touch_by_meetings(touch: Tensor, pairs: Iterable[Meeting]) -> Tensor:
     return touch
 
 
-def _met(
+def _likeliest_touch(
     points: FloatArray,
     said: FloatArray,
     parts: dict[str, Ids],

@@ -119,9 +119,9 @@ def compare_depth(depth: FloatArray, seen: Sequence[Pointmap], camera: Intrinsic
         seen: of the same photo, with its people and without; the depth may show either.
         camera: of the photo.
     """
-    small = _shrunk(depth)
+    small = _downsampled(depth)
     maps = [_inverse_depth(one) for one in seen]
-    ray = _shrunk(_ray_lengths(camera))
+    ray = _downsampled(_ray_lengths(camera))
     as_stated = _error(_nearness(small, ray, ""), maps)
     if as_stated <= _AGREES and not _is_buffer(small):
         return Comparison(as_stated, as_stated)
@@ -271,7 +271,7 @@ def _inverse_depth(pointmap: Pointmap) -> FloatArray:
     z = pointmap.points[..., 2]
     with np.errstate(divide="ignore"):
         inverse = np.where(pointmap.valid & (z > 0), 1 / z.astype(np.float64), np.nan)
-    shrunk: FloatArray = _shrunk(inverse)
+    shrunk: FloatArray = _downsampled(inverse)
     return shrunk
 
 
@@ -282,7 +282,7 @@ def _ray_lengths(camera: Intrinsics) -> FloatArray:
     return np.asarray(np.sqrt(1 + x**2 + y[:, None] ** 2))
 
 
-def _shrunk(values: Any) -> Any:
+def _downsampled(values: Any) -> Any:
     """Return an array (H, W) at :data:`_SIDE` px of the long side, by its nearest pixels."""
     height, width = values.shape
     share = min(1.0, _SIDE / max(height, width))
@@ -304,7 +304,7 @@ def turned_masks(given: BoolArray, seen: BoolArray) -> str:
     if not len(given) or not len(seen):
         return ""
     both = [*seen, seen.any(0)]
-    small, people = (np.stack([_shrunk(mask) for mask in masks]) for masks in (given, both))
+    small, people = (np.stack([_downsampled(mask) for mask in masks]) for masks in (given, both))
     readings = {turn: (turned(small), cure) for turn, (turned, cure) in TURNS.items()}
     readings["inverted"] = ~small, "exchange people and background"
     apart = {

@@ -35,7 +35,7 @@ def test_the_archive_has_all_distributions_and_the_digest_of_each_file(archive):
     assert wheels == listed | {"metricbody"}
     sums = dict(line.split("  ")[::-1] for line in content["SHA256SUMS"].decode().splitlines())
     assert set(sums) == set(content) - {"SHA256SUMS", "__main__.py"}
-    assert {"licences/LICENSE", "licences/NOTICE", "sbom.json"} <= set(sums)
+    assert {"licenses/LICENSE", "licenses/NOTICE", "sbom.json"} <= set(sums)
     for name in ("CHANGELOG.md", "CITATION.cff", "constraints.txt"):
         assert content[name] == (ROOT / name).read_bytes()
     for name, digest in sums.items():

@@ -145,7 +145,7 @@ def heatmap_peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
     return points, np.take_along_axis(flat, index[..., None], -1)[..., 0].astype(np.float64)
 
 
-def _newton_step(values: FloatArray) -> tuple[FloatArray, BoolArray]:
+def _step_to_peak(values: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return the step (..., 2), right and down, from the middle of 3 x 3 values (3, 3, ...) to
     their peak, and whether they have one.
     """
@@ -194,7 +194,7 @@ def subpixel_peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
     joint = np.arange(j)[None]
     columns = cells[..., 0].astype(int) + np.arange(3)[:, None, None]
     rows = cells[..., 1].astype(int) + np.arange(3)[:, None, None]
-    step, peaked = _newton_step(logs[person, joint, rows[:, None], columns])
+    step, peaked = _step_to_peak(logs[person, joint, rows[:, None], columns])
     near = peaked & (np.abs(step) <= _FARTHEST).all(-1)
     return cells + np.where(near[..., None], step, 0.0), value
 

@@ -67,7 +67,7 @@ def mean_bodies(
         model: body model, float64.
         statures: (P,) metres, of the bodies; NaN for those of the mean bodies.
     """
-    rotations, betas = _mean_parameters(people, rows, bundle)
+    rotations, betas = _mean_pose_and_shape(people, rows, bundle)
     betas = betas_with_stature(model, betas, torch.from_numpy(statures))
     weight = torch.from_numpy(observations.confidence).amax(0)[..., None].clamp(min=1e-3)
     with torch.inference_mode():
@@ -77,7 +77,7 @@ def mean_bodies(
         return MeanBodies(rotations, betas, transl.clone(), (body.joints + transl[:, None]).numpy())
 
 
-def _mean_parameters(
+def _mean_pose_and_shape(
     people: Sequence[PhotoPeople], rows: IntArray, bundle: Bundle
 ) -> tuple[Tensor, Tensor]:
     """Return the robust mean of rotations (P, 55, 3, 3), reference frame, and the mean shape (P,

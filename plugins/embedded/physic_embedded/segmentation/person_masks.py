@@ -87,7 +87,7 @@ def _person_mask(
     inside = _points_in_mask(_own_points(pose, embedding), rough & (soft > theirs), embedding)
     if not len(inside):
         return soft, inside
-    outside = _points_in_mask(_trunks(others), ~rough | (theirs > soft), embedding)
+    outside = _points_in_mask(_noses_and_trunks(others), ~rough | (theirs > soft), embedding)
     near = np.argsort(np.linalg.norm(outside - inside.mean(axis=0), axis=1), kind="stable")[
         :_MOST_OUTSIDE
     ]
@@ -165,7 +165,7 @@ def _own_points(pose: Pose, embedding: ImageEmbedding) -> Float:
     return np.concatenate([pose.points[clear], [shoulders, (shoulders + hips) / 2, hips]])
 
 
-def _trunks(others: Sequence[Pose]) -> Float:
+def _noses_and_trunks(others: Sequence[Pose]) -> Float:
     """Return nose and trunk centre of each person, (Q, 2) photo px."""
     points = [p for o in others for p in (o.points[0], o.points[[11, 12, 23, 24]].mean(axis=0))]
     return np.array(points, float).reshape(-1, 2)

@@ -95,7 +95,7 @@ def disparity_at_infinity(
     if floor is not None and horizon is not None:
         level, trust = _horizon_cost(floor, candidates, horizon, disparity.shape)
     sky = outdoors * (1 - (1 - _FLAT) * trust)
-    cost = _prior_cost(gaps, sky, max(farthest, 0.0) / span) + level
+    cost = _sky_gap_cost(gaps, sky, max(farthest, 0.0) / span) + level
     if floor is not None and floor.inlier_share > _FLOOR_SHARE:
         cost = cost + _floor_cost(
             floor, candidates, (focal, focal_sigma), pitch=pitch, walls=walls, bodies=bodies
@@ -129,7 +129,7 @@ def _outdoors(farthest: float, floor: DisparityFloor | None, open_air: float) ->
     return float(1 / (1 + np.exp(-np.clip(odds, -30, 30))))
 
 
-def _prior_cost(gaps: FloatArray, sky: float, sky_disparity: float) -> FloatArray:
+def _sky_gap_cost(gaps: FloatArray, sky: float, sky_disparity: float) -> FloatArray:
     """Return the cost (C,) of gaps from infinity to the farthest pixels, which are sky of a
     disparity, in ranges of the map, with probability ``sky``.
     """
