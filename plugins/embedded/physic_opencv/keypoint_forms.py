@@ -165,6 +165,11 @@ def shown_in(
         raise ValueError(
             f"annotation {of.index('')} has no image_id, and the file has {len(ids)} images"
         )
+    if images and (unlisted := [key for key in of if key not in images]):
+        raise ValueError(
+            f"annotation {of.index(unlisted[0])} is of image {unlisted[0]}, which the images of "
+            "the file do not have"
+        )
     stem = PurePath(photo).stem
     named = [
         key

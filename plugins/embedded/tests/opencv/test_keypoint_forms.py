@@ -169,6 +169,13 @@ def test_people_of_one_image_are_read_however_its_id_is_written(tmp_path, ids):
     assert set(given.person) == {0, 1}
 
 
+def test_an_annotation_of_an_image_that_the_file_does_not_list_is_refused(tmp_path):
+    images = [{"id": 1, "file_name": "a.jpg"}, {"id": 2, "file_name": "slope.jpg"}]
+    document = {"images": images, "annotations": [of_coco(0, 2), of_coco(1, 3)]}
+    with pytest.raises(InputError, match="annotation 1 is of image 3"):
+        read_keypoints(written(tmp_path, document), *SLOPE)
+
+
 def test_an_annotation_of_no_image_is_refused_if_there_are_several(tmp_path):
     images = [{"id": 1, "file_name": "a.jpg"}, {"id": 2, "file_name": "slope.jpg"}]
     document = {"images": images, "annotations": [of_coco(0, 2), of_coco(1, None)]}
