@@ -111,11 +111,7 @@ def _rows(
     """Run the tool on the bodies of a sample, and yield the errors of each person."""
     question = question_of(sample)
     assert question.camera is not None
-    start = _fitted(np.array(truth))
-    apart = np.linalg.norm(_joints(start)[:, BODY_ROWS] - truth, axis=-1)
-    # not without both hips, and not where the arm of an unknown elbow is elsewhere
-    is_fitted = np.isfinite(start.transl).all(1) & ~(apart > _UNTRUE_M).any(1)
-    truth, start = [truth[i] for i in np.flatnonzero(is_fitted)], start[is_fitted]
+    truth, start = _true_bodies(truth)
     if not truth:
         return
     parameters = _of_blazepose(sample) if given.blazepose else _with_errors(start, sample.name)
@@ -139,6 +135,16 @@ def _rows(
             **{f"{key}_{way}": of[key] for key in errors["in"] for way, of in errors.items()},
             "floor_deg": floor,
         }
+
+
+def _true_bodies(truth: list[Array]) -> tuple[list[Array], BodyParameters]:
+    """Return the joints to which a body can be fitted, and the bodies: not without both hips, and
+    not where the arm of an unknown elbow is elsewhere.
+    """
+    start = _fitted(np.array(truth))
+    apart = np.linalg.norm(_joints(start)[:, BODY_ROWS] - truth, axis=-1)
+    is_fitted = np.isfinite(start.transl).all(1) & ~(apart > _UNTRUE_M).any(1)
+    return [truth[i] for i in np.flatnonzero(is_fitted)], start[is_fitted]
 
 
 def _write(

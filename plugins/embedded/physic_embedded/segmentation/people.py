@@ -186,12 +186,8 @@ def detect_poses(
     # The second search costs as much as all the rest, and adds no people where all boxes are sure.
     blazepose = []
     if not posed or not all(sure):
-        known = [pose for _, _, pose in compress(posed, sure)]
-        unsure = [
-            box for (box, _, _), one_is_sure in zip(posed, sure, strict=True) if not one_is_sure
-        ]
         blazepose = _search_blazepose(
-            pose_detector, landmarker, picture, fractions, unsure, known=known, most=2 * max_people
+            pose_detector, landmarker, picture, fractions, posed, sure, most=2 * max_people
         )
     others = [pose for pose, _ in blazepose]
     candidates = [
@@ -390,17 +386,20 @@ def _search_blazepose(
     landmarker: OnnxSession,
     picture: ImagePyramid,
     fractions: tuple[float, ...],
-    around: Sequence[Float],
-    known: Sequence[Pose],
+    posed: Sequence[tuple[Float, float, Pose]],
+    sure: Sequence[bool],
     most: int,
 ) -> list[tuple[Pose, float]]:
-    """Return the poses of BlazePose's own detector, with its scores, but those at the hips of
-    people who are known.
+    """Return the poses of BlazePose's own detector, also around boxes that are not sure, with its
+    scores, but those at the hips of people who are sure.
     """
+    known = [pose for _, _, pose in compress(posed, sure)]
+    around = [box for box, _, _ in compress(posed, [not one for one in sure])]
+    candidates = detect_people(
+        pose_detector, picture, WEAK_SCORE, WEAK_SCORE + 0.2, fractions, around
+    )
     found = []
-    for d in detect_people(pose_detector, picture, WEAK_SCORE, WEAK_SCORE + 0.2, fractions, around)[
-        :most
-    ]:
+    for d in candidates[:most]:
         square = person_square(d.keypoints[0], d.keypoints[1])
         if any(_is_at_hips(square, one.square) for one in known):
             continue
