@@ -21,6 +21,7 @@ _DIGITAL_ZOOM = 0xA404
 INTEROPERABILITY_IFD = 0xA005
 _SIZES = {"of the Exif data": (0xA002, 0xA003), "of the file": (0x0100, 0x0101)}
 _OF_CAMERA = (0x1001, 0x1002)  # interoperability: the size of the photo that the camera wrote
+_CHANGED, _TAKEN = 0x0132, 0x9003  # date and time
 _PLANE_X = 0xA20E
 _PLANE_Y = 0xA20F
 _PLANE_UNIT = 0xA210
@@ -70,6 +71,8 @@ def intrinsics_from_exif(
     crop a photo keep both, and may rewrite its size. The focal length is known only if a second
     witness says that the photo is as the camera wrote it: both tags agree, since a crop or a resize
     changes only one of them, the thumbnail shows the same, or the camera's own size is the file's.
+    A thumbnail is no witness of a file that was changed after the photo was taken: a program may
+    have made it anew.
     Otherwise it is an estimate. It is ignored if a stated size is not the file's, if no camera
     writes such a size, and if the thumbnail shows more. A single equivalent also needs the aspect
     of a sensor, since cameras that crop photos to 16:9 or a square state the equivalent of the
@@ -120,7 +123,8 @@ def intrinsics_from_exif(
     notes = []
     if zoom != 1:
         notes.append(f"the focal length is that of the photo with its digital zoom of {zoom:g}")
-    if not (other or thumbnail is not None or all(_size(tags, _OF_CAMERA))):
+    by_thumbnail = thumbnail is not None and not _was_changed(tags)
+    if not (other or by_thumbnail or all(_size(tags, _OF_CAMERA))):
         camera = replace(camera, trust=CameraTrust.ESTIMATED, focal_sigma=_ONE_TAG_SIGMA)
         notes.append(
             f"the focal length comes from one EXIF tag, which cropping programs keep: it may be "
@@ -128,6 +132,12 @@ def intrinsics_from_exif(
             f"original file, or --focal-px PX"
         )
     return camera, tuple(notes)
+
+
+def _was_changed(tags: Mapping[int, Any]) -> bool:
+    """Return whether the tags date a change of the file after the photo was taken."""
+    dates = [str(tags.get(tag) or "").strip("\0 ") for tag in (_CHANGED, _TAKEN)]
+    return all(dates) and dates[0] != dates[1]
 
 
 def _size(tags: Mapping[int, Any], pair: tuple[int, int]) -> list[float]:

@@ -10,10 +10,24 @@ import pytest
 from physic_core.io.exif import intrinsics_from_exif
 
 _TAGS = {
-    "software": 0x0131, "mm": 0x920A, "film": 0xA405, "w": 0xA002, "h": 0xA003,
-    "make": 0x010F, "plane_x": 0xA20E, "plane_y": 0xA20F, "unit": 0xA210, "zoom": 0xA404,
-    "file_w": 0x0100, "file_h": 0x0101, "camera_w": 0x1001, "camera_h": 0x1002,
-}  # fmt: skip
+    "software": 0x0131,
+    "mm": 0x920A,
+    "film": 0xA405,
+    "w": 0xA002,
+    "h": 0xA003,
+    "make": 0x010F,
+    "plane_x": 0xA20E,
+    "plane_y": 0xA20F,
+    "unit": 0xA210,
+    "zoom": 0xA404,
+    "file_w": 0x0100,
+    "file_h": 0x0101,
+    "camera_w": 0x1001,
+    "camera_h": 0x1002,
+    "changed": 0x0132,
+    "taken": 0x9003,
+}
+_NOON = "2026:05:01 12:00:00"
 _INCH = 2
 _CM = 3
 
@@ -107,6 +121,8 @@ def test_a_focal_length_is_right_or_not_known(tags, size, sensor_mm, is_known):
         ({**ALPHA_7M3, "software": "Adobe Photoshop Lightroom 10.0"}, None, True),
         ({"mm": 85.0, "film": 85}, None, False),
         ({"mm": 85.0, "film": 85}, 1.0, True),
+        ({"mm": 85.0, "film": 85, "taken": _NOON, "changed": _NOON}, 1.0, True),
+        ({"mm": 85.0, "film": 85, "taken": _NOON, "changed": "2026:05:02 08:00:00"}, 1.0, False),
         ({"mm": 85.0, "film": 85, "camera_w": 6000, "camera_h": 4000}, None, True),
         ({**PLANE_OF_ALPHA, "software": "any name"}, None, False),
     ],
