@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
-from physic_core.types.skeletons import Skeleton, is_finger
+from physic_core.types.skeletons import MAX_FINGER_KEYPOINTS, Skeleton, is_finger
 
 _END_JOINT = {
     "upper_leg": "knee",
@@ -27,8 +27,6 @@ _TRUNK = [
 LOWEST_SHARE = 0.01
 """Share of the skin whose place is less sure than that of all."""
 _LAYER_M = 0.05
-MAX_FINGER_KEYPOINTS = 10
-"""A joint set with more has keypoints of all finger joints."""
 
 
 def limb_part_indices(part_names: Sequence[str]) -> list[int]:

@@ -15,7 +15,6 @@ from physic_core.body.joints import joint_pair
 from physic_core.body.posture import LYING_DEG, lean_deg, standing_legs, trunk_tilt_deg
 from physic_core.engine.body_parts import OBSERVED
 from physic_core.engine.ground.posture import is_upright
-from physic_core.engine.limbs import LOWEST_SHARE
 from physic_core.judge.photo import NO_FLOOR, relative_difference
 from physic_core.judge.spec import NO_BODY, OTHER_BODY, SIDE_VIEW, YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
@@ -180,6 +179,8 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
             )
         )
     if result.scene.floor is not None and lies(result, person):
+        from physic_core.engine.limbs import LOWEST_SHARE
+
         above = who.vertices @ result.scene.floor.normal
         low = float(np.quantile(above, LOWEST_SHARE)) + result.scene.floor.offset
         if low < -_SUPPORT_M:
@@ -405,13 +406,15 @@ def stature(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     from physic_core.engine.sizes.stature import stature_surprise, stature_surprise_at_age
 
     who = result.people[person]
+    if who.stature is None:
+        return None
     height, years = (own[person] for own in estimates.photo.known.filled(len(result.people)))
     if math.isfinite(height) and math.isfinite(years):
         return stature_surprise_at_age(height, years), (
             f"you gave {height:.2f} m and {years:g} years, which hardly go together: correct "
             "--stature or --age"
         )
-    if who.stature is None or _is_known(estimates, result, person):
+    if _is_known(estimates, result, person):
         return None
     child = math.nan if who.child_probability is None else who.child_probability
     off = stature_surprise(who.stature, child, stands=who.posture in _UPRIGHT)

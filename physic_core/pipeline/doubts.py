@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.engine.contact.distances import SEARCH_RADIUS_M
-from physic_core.engine.ground.report import SIZES_DISAGREE
 from physic_core.interfaces.comparison import describe_difference, is_sigmoid_of_probability
 from physic_core.judge.trust import load_of
 from physic_core.types.observations import LEAST_PROBABILITY
@@ -196,6 +194,8 @@ def doubt_of_distance_from_others(
 
 def _distances(result: Reconstruction) -> Iterator[tuple[str, float, str]]:
     """Yield interface, load and words of what its answer contradicts."""
+    from physic_core.engine.ground.report import SIZES_DISAGREE
+
     for check in result.checks:
         if check.failed:
             load = load_of(check.value, check.threshold, check.direction, check.unit)
@@ -222,6 +222,8 @@ def doubt_of_contact_places(result: Reconstruction, probability: FloatArray) -> 
     """Return whether vertices that touch by the contact prior (N, V) are far from everything; "" if
     they are not.
     """
+    from physic_core.engine.contact.distances import SEARCH_RADIUS_M
+
     for index, (person, likely) in enumerate(zip(result.people, probability, strict=True)):
         wanted = likely >= LEAST_PROBABILITY
         near = (np.abs(person.distance) < SEARCH_RADIUS_M) | person.contact

@@ -91,6 +91,7 @@ from physic_core.types.results import (
 )
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import (
+    MAX_FINGER_KEYPOINTS,
     SEEN_CONFIDENCE,
     SIDES,
     SKELETONS,
@@ -116,6 +117,7 @@ __all__ = [
     "HARDLY_VISIBLE",
     "LEAST_PROBABILITY",
     "MARKS",
+    "MAX_FINGER_KEYPOINTS",
     "NOT_CHOSEN",
     "NO_PARTNER",
     "PARTNER_KINDS",

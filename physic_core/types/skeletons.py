@@ -197,6 +197,10 @@ def mirrored_order(names: Sequence[str]) -> list[int]:
     return [place.get(other_side(name), i) for i, name in enumerate(names)]
 
 
+MAX_FINGER_KEYPOINTS = 10
+"""A joint set with more has keypoints of all finger joints."""
+
+
 def is_finger(name: str) -> bool:
     """Return whether a point is a joint or the tip of a finger, by its name ("left_index1",
     "right_thumb_tip").

@@ -133,7 +133,7 @@ WRONG = {
     "no mesh": (lambda path, world: write_array(path, np.zeros((0, 6890, 3))), "no person"),
     "another topology": (mesh(5023, 1.7), "5023 vertices"),
     "20 joints": (smplx(body_pose=np.zeros((1, 60))), "20 joints"),
-    "components of hands": (smplx(**ZEROS), "principal components"),
+    "components of hands": (smplx(**ZEROS), "PCA components"),
     "not finite": (own(lambda p: {"transl": np.nan * p.transl}), "finite"),
     "not finite of SMPL-X": (smplx(betas=np.full((1, 10), np.nan)), "finite"),
     "a huge shape": (smplx(betas=np.full((1, 10), 400.0)), "betas must lie within"),

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.engine.limbs import MAX_FINGER_KEYPOINTS
 from physic_core.errors import BackendError
-from physic_core.types import SIDES, SKELETONS, is_finger
+from physic_core.types import MAX_FINGER_KEYPOINTS, SIDES, SKELETONS, is_finger
 
 if TYPE_CHECKING:
     from physic_core.types import Keypoints, Skeleton

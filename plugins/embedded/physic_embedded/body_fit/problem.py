@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import torch
 
-from physic_core.body import JOINT_INDEX, head_direction, joint_pair
-from physic_core.body.joints import MAX_FLEXION
+from physic_core.body import JOINT_INDEX, MAX_FLEXION, head_direction, joint_pair
 from physic_core.engine.sizes.stature import mean_adult_betas
 from physic_core.geometry import rotvec_to_rotmat
 from physic_core.types import PER_PERSON, SURE_CONFIDENCE, select_people
