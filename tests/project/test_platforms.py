@@ -5,6 +5,7 @@ docs/install.md names.
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -21,13 +22,14 @@ def requirements():
     """Requirements and runtime extras of all distributions, without the distributions
     themselves.
     """
-    found = []
+    found, ours = [], set()
     for file in (ROOT / "pyproject.toml", *ROOT.glob("[pc]*/*/pyproject.toml")):
         project = tomllib.loads(file.read_text())["project"]
+        ours.add(project["name"])
         extras = project.get("optional-dependencies", {})
         found += project["dependencies"]
         found += chain(*(extras[name] for name in extras.keys() - {"dev", "docs"}))
-    return {text for text in found if not text.startswith("physic-")}
+    return {text for text in found if re.split(r"[^\w-]", text)[0] not in ours}
 
 
 @pytest.mark.slow
