@@ -116,7 +116,7 @@ TABLE = Table(
                 Reading("brighter", times(1.2), _RANGE, 20, " %", 5),
                 Reading("of the photo", lambda _, truth: truth["case"].photo, _RIM, 100, " %", 30),
                 # A fill from what is around is smooth, too, but another picture.
-                Reading("of a sixteenth of the size", _coarse, _COARSE, left=0.4),
+                Reading("of a sixteenth of the size", _coarse, _COARSE, left=0.3),
                 Reading("the photo at the border of people", _with_rim, _RIM),
                 Reading("blended with the photo at the mask's border", _faded_in, _RIM, limit=0.75),
             ),
