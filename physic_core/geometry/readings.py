@@ -271,8 +271,8 @@ def _inverse_depth(pointmap: Pointmap) -> FloatArray:
     z = pointmap.points[..., 2]
     with np.errstate(divide="ignore"):
         inverse = np.where(pointmap.valid & (z > 0), 1 / z.astype(np.float64), np.nan)
-    shrunk: FloatArray = _downsampled(inverse)
-    return shrunk
+    small: FloatArray = _downsampled(inverse)
+    return small
 
 
 def _ray_lengths(camera: Intrinsics) -> FloatArray:

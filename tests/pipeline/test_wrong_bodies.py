@@ -124,7 +124,7 @@ WRONG = {
     "numbers of people": (smplx(transl=np.zeros((2, 3))), "different numbers of people"),
     "shapes of arrays": (own(lambda p: {"betas": np.zeros((2, 16))}), r"betas must be \(1, 16\)"),
     "nobody": (own(lambda p: {n: v[:0] for n, v in vars(p).items()}), "no person"),
-    "nobody of SMPL-X": (
+    "SMPL-X without a person": (
         smplx(**{n: np.zeros((0, k)) for n, k in PARTS.items()}),
         "no person",
     ),

@@ -64,9 +64,11 @@ _NO_GROUND = (0.100, 0.898, 0.002)
 floor.
 """
 
-# Of the height of the ground beside soles over the floor, in heights of the camera.
-SOLE_SIGMA = 0.05  # if the person stands on the floor
-_ELSEWHERE = 0.5  # density of that height if not
+SOLE_SIGMA = 0.05
+"""Standard deviation of the height of the ground beside soles over the floor, in heights of the
+camera, if the person stands on it; and so of the logarithm of a scale by one person's soles.
+"""
+_ELSEWHERE = 0.5  # density of that height if the person does not
 _FAR_OFF = 0.4  # height of that ground over a plane that is not moved to it
 _MOST_SOLES = 3.0  # independent observations that the soles of all people are worth
 

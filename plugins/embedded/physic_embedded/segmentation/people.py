@@ -3,8 +3,8 @@
 YOLOX detects people as boxes. The landmark network, which expects one person, runs on each box.
 Unless all boxes and their poses are sure, BlazePose's own detector adds people that YOLOX misses.
 It also looks into the square around each box that is not sure, for a second start of the landmark
-network there. Both also detect animals and
-boards as people: boxes that YOLOX scores higher as one of these are left out.
+network there. Both also detect animals and boards as people: boxes that YOLOX scores higher as one
+of these are left out.
 """
 
 from __future__ import annotations
