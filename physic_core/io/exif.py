@@ -22,6 +22,7 @@ INTEROPERABILITY_IFD = 0xA005
 _SIZES = {"of the Exif data": (0xA002, 0xA003), "of the file": (0x0100, 0x0101)}
 _OF_CAMERA = (0x1001, 0x1002)  # interoperability: the size of the photo that the camera wrote
 _CHANGED, _TAKEN = 0x0132, 0x9003  # date and time
+_MAKER_NOTE = 0x927C
 _PLANE_X = 0xA20E
 _PLANE_Y = 0xA20F
 _PLANE_UNIT = 0xA210
@@ -63,6 +64,7 @@ def intrinsics_from_exif(
     height: int,
     orientation: int = 1,
     thumbnail: float | None = None,
+    encoded_anew: bool = False,
 ) -> tuple[Intrinsics | None, tuple[str, ...]]:
     """Compute the intrinsics of the upright photo from its EXIF tags.
 
@@ -71,8 +73,8 @@ def intrinsics_from_exif(
     crop a photo keep both, and may rewrite its size. The focal length is known only if a second
     witness says that the photo is as the camera wrote it: both tags agree, since a crop or a resize
     changes only one of them, the thumbnail shows the same, or the camera's own size is the file's.
-    A thumbnail is no witness of a file that was changed after the photo was taken: a program may
-    have made it anew.
+    A program that crops may write the latter two anew. They count only in a file as cameras write
+    it: with a maker note, without a later date of change, and without JFIF headers.
     Otherwise it is an estimate. It is ignored if a stated size is not the file's, if no camera
     writes such a size, and if the thumbnail shows more. A single equivalent also needs the aspect
     of a sensor, since cameras that crop photos to 16:9 or a square state the equivalent of the
@@ -89,6 +91,7 @@ def intrinsics_from_exif(
         height: of the upright photo at the size that is used, px.
         orientation: EXIF orientation, 1-8.
         thumbnail: share of the thumbnail's side that the photo shows; None without one.
+        encoded_anew: whether the file or its thumbnail has a header that cameras do not write.
 
     Returns:
         The intrinsics, or None if the tags do not determine them; and notes on a focal length that
@@ -123,8 +126,9 @@ def intrinsics_from_exif(
     notes = []
     if zoom != 1:
         notes.append(f"the focal length is that of the photo with its digital zoom of {zoom:g}")
-    by_thumbnail = thumbnail is not None and not _was_changed(tags)
-    if not (other or by_thumbnail or all(_size(tags, _OF_CAMERA))):
+    is_as_taken = not encoded_anew and _MAKER_NOTE in tags and not _was_changed(tags)
+    shows_whole = thumbnail is not None or all(_size(tags, _OF_CAMERA))
+    if not (other or (is_as_taken and shows_whole)):
         camera = replace(camera, trust=CameraTrust.ESTIMATED, focal_sigma=_ONE_TAG_SIGMA)
         notes.append(
             f"the focal length comes from one EXIF tag, which cropping programs keep: it may be "

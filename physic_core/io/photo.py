@@ -29,7 +29,7 @@ from physic_core.io.exif import (
 )
 from physic_core.io.file_geometry import drone_note, panorama_kind, stretched_pixels, up_of_gimbal
 from physic_core.io.result_folder import file_digest, image_digest
-from physic_core.io.thumbnail import share_of_thumbnail
+from physic_core.io.thumbnail import share_of_thumbnail, was_encoded_anew
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -305,6 +305,7 @@ def _read(image: Image.Image, source: ImageSource, colours: tuple[int, int] | No
         height,
         orientation,
         thumbnail,
+        was_encoded_anew(image),
     )
     notes += [exif_note, *focal_notes, drone_note(xmp)]
     upright = stored[::-1] if swaps_sides(orientation) else stored

@@ -32,7 +32,10 @@ def share_of_thumbnail(image: Image.Image, stored: UInt8Array) -> float | None:
     """
     import cv2
 
-    grey = _thumbnail(image)
+    thumbnail = _open_thumbnail(image)
+    if thumbnail is None:
+        return None
+    grey = _without_bars(np.asarray(thumbnail.convert("L")))
     if grey is None:
         return None
     photo = cv2.cvtColor(stored, cv2.COLOR_RGB2GRAY)
@@ -42,6 +45,14 @@ def share_of_thumbnail(image: Image.Image, stored: UInt8Array) -> float | None:
     correlations = [(_correlation(small, _resized(photo, fit * s)), s) for s in _SHARES]
     best, share = max(correlations)
     return float(share) if best >= _SAME else None
+
+
+def was_encoded_anew(image: Image.Image) -> bool:
+    """Return whether a JPEG, as opened, or its thumbnail begins with a header of JFIF or of a
+    program. Exif forbids both, and cameras write none.
+    """
+    thumbnail = _open_thumbnail(image)
+    return "jfif" in image.info or bool(getattr(thumbnail, "applist", ()))
 
 
 def _resized(grey: NDArray[np.uint8], factor: float) -> NDArray[np.float32]:
@@ -62,18 +73,21 @@ def _correlation(whole: NDArray[np.float32], part: NDArray[np.float32]) -> float
     return float(cv2.matchTemplate(whole, part, cv2.TM_CCOEFF_NORMED).max())
 
 
-def _thumbnail(image: Image.Image) -> NDArray[np.uint8] | None:
-    """Return the grey thumbnail (h, w) of a JPEG without black bars; None without one that can be
-    read.
-    """
+def _open_thumbnail(image: Image.Image) -> Image.Image | None:
+    """Return the thumbnail of a JPEG; None without one that can be read."""
     data = image.info.get("exif") or b""
     try:
         tags = image.getexif().get_ifd(ExifTags.IFD.IFD1)
         start = int(tags[_OFFSET]) + len(_HEAD) * data.startswith(_HEAD)
-        with Image.open(io.BytesIO(data[start : start + int(tags[_LENGTH])])) as thumbnail:
-            grey = np.asarray(thumbnail.convert("L"))
+        thumbnail = Image.open(io.BytesIO(data[start : start + int(tags[_LENGTH])]))
+        thumbnail.load()
     except Exception:  # Pillow raises many classes for damaged data: it is no witness then
         return None
+    return thumbnail
+
+
+def _without_bars(grey: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
+    """Return the grey thumbnail (h, w) without black bars; None if it is black."""
     lit = grey > _BLACK
     rows, columns = (np.flatnonzero(lit.mean(axis) > 0.1) for axis in (1, 0))
     if not len(rows) or not len(columns):

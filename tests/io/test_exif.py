@@ -26,8 +26,9 @@ _TAGS = {
     "camera_h": 0x1002,
     "changed": 0x0132,
     "taken": 0x9003,
+    "note": 0x927C,
 }
-_NOON = "2026:05:01 12:00:00"
+_NOON, _LATER = "2026:05:01 12:00:00", "2026:05:02 08:00:00"
 _INCH = 2
 _CM = 3
 
@@ -119,11 +120,12 @@ def test_a_focal_length_is_right_or_not_known(tags, size, sensor_mm, is_known):
     [
         (ALPHA_7M3, None, True),
         ({**ALPHA_7M3, "software": "Adobe Photoshop Lightroom 10.0"}, None, True),
-        ({"mm": 85.0, "film": 85}, None, False),
-        ({"mm": 85.0, "film": 85}, 1.0, True),
-        ({"mm": 85.0, "film": 85, "taken": _NOON, "changed": _NOON}, 1.0, True),
-        ({"mm": 85.0, "film": 85, "taken": _NOON, "changed": "2026:05:02 08:00:00"}, 1.0, False),
-        ({"mm": 85.0, "film": 85, "camera_w": 6000, "camera_h": 4000}, None, True),
+        ({"mm": 85.0, "film": 85, "note": b"."}, None, False),
+        ({"mm": 85.0, "film": 85}, 1.0, False),
+        ({"mm": 85.0, "film": 85, "note": b"."}, 1.0, True),
+        ({"mm": 85.0, "film": 85, "note": b".", "taken": _NOON, "changed": _NOON}, 1.0, True),
+        ({"mm": 85.0, "film": 85, "note": b".", "taken": _NOON, "changed": _LATER}, 1.0, False),
+        ({"mm": 85.0, "film": 85, "note": b".", "camera_w": 6000, "camera_h": 4000}, None, True),
         ({**PLANE_OF_ALPHA, "software": "any name"}, None, False),
     ],
 )
@@ -153,7 +155,7 @@ def test_a_crop_whose_tags_were_rewritten_has_no_focal_length(tags, size, thumbn
 
 
 def test_the_thumbnail_of_a_reduced_photo_says_that_it_is_whole():
-    camera, _ = read({"mm": 4.2, "film": 26}, (1000, 750), 1.0)
+    camera, _ = read({"mm": 4.2, "film": 26, "note": b"."}, (1000, 750), 1.0)
     assert camera.known
     assert camera.fx == pytest.approx(26 / 43.27 * 1250, rel=1e-3)
 

@@ -332,18 +332,27 @@ def test_the_35_mm_equivalent_is_read_by_the_diagonal(stored):
     assert ["cropped" in note for note in photo.notes] == [True]
 
 
-def with_thumbnail(path, picture, thumbnail):
-    """A JPEG of 26 mm (35 mm equivalent) with a thumbnail in its EXIF data."""
+def encoded(picture, has_jfif, **options):
     stream = io.BytesIO()
-    thumbnail.save(stream, "JPEG")
+    picture.save(stream, "JPEG", quality=95, **options)
     data = stream.getvalue()
-    # 8: first directory, with that of Exif; 26: the latter; 44: that of the thumbnail; 74: its data
-    first = struct.pack("<HHHIII", 1, 0x8769, 4, 1, 26, 44)
-    exif = struct.pack("<HHHIII", 1, 0xA405, 3, 1, 26, 0)
-    place = struct.pack("<HHHIIHHIII", 2, 0x0201, 4, 1, 74, 0x0202, 4, 1, len(data), 0)
+    return data if has_jfif else data[:2] + data[20:]
+
+
+def with_thumbnail(picture, thumbnail, jfif=()):
+    """A JPEG of 26 mm (35 mm equivalent) with a maker note and a thumbnail, as cameras write it."""
+    data = encoded(thumbnail, "thumbnail" in jfif)
+    # 8: first directory, with that of Exif; 26: the latter; 56: that of the thumbnail; 86: its data
+    first = struct.pack("<HHHIII", 1, 0x8769, 4, 1, 26, 56)
+    exif = struct.pack("<HHHIIHHIII", 2, 0x927C, 7, 4, 0, 0xA405, 3, 1, 26, 0)
+    place = struct.pack("<HHHIIHHIII", 2, 0x0201, 4, 1, 86, 0x0202, 4, 1, len(data), 0)
     blob = b"Exif\0\0" + b"II*\0\x08\0\0\0" + first + exif + place + data
-    picture.save(path, exif=blob, quality=95)
-    return read_photo(path)
+    return read_photo(encoded(picture, "file" in jfif, exif=blob))
+
+
+def noise(width, height):
+    random = np.random.default_rng(1).integers(0, 256, (12, 16, 3), np.uint8)
+    return Image.fromarray(random).resize((width, height), Image.Resampling.BICUBIC)
 
 
 @pytest.mark.parametrize(
@@ -355,17 +364,22 @@ def with_thumbnail(path, picture, thumbnail):
         ((160, 0, 640, 360), 0, "thumbnail shows more"),
     ],
 )
-def test_a_thumbnail_tells_the_whole_photo_from_a_crop(tmp_path, box, bars, word):
-    noise = np.random.default_rng(1).integers(0, 256, (12, 16, 3), np.uint8)
-    whole = Image.fromarray(noise).resize((640, 480), Image.Resampling.BICUBIC)
+def test_a_thumbnail_tells_the_whole_photo_from_a_crop(box, bars, word):
+    whole = noise(640, 480)
     thumbnail = Image.new("RGB", (160, 120 + 2 * bars))
     thumbnail.paste(whole.resize((160, 120)), (0, bars))
-    photo = with_thumbnail(tmp_path / "a.jpg", whole.crop(box), thumbnail)
+    photo = with_thumbnail(whole.crop(box), thumbnail)
     assert (photo.intrinsics is None) == bool(word)
     if photo.intrinsics is None:
         assert word in " ".join(photo.notes)
     else:
         assert photo.intrinsics.known
+
+
+@pytest.mark.parametrize("encoded_anew", ["file", "thumbnail"])
+def test_a_thumbnail_that_a_program_may_have_made_is_no_witness(encoded_anew):
+    photo = with_thumbnail(noise(640, 480), noise(160, 120), {encoded_anew})
+    assert not photo.intrinsics.known
 
 
 def test_a_turned_photo_swaps_the_focal_lengths(stored):
