@@ -35,20 +35,18 @@ _STARTED = time.time()
 """Start time of this process; files modified later may differ from the imported code."""
 
 _CODE_BYTES = 16
-_IMPORTED = re.compile(
-    rb"(?:\n|[;:])[ \t]*(?:from[ \t]+(\w+)|import[ \t]+((?:[\w., \t]|\\\r?\n)+))"
-)
-_IMPORTED_BY_NAME = re.compile(rb"import_module\([ \t]*[\"'](\w+)")
-_FILE_NAME = re.compile(rb"[\"']([\w./ -]+\.\w+)[\"']")
+_IMPORTED = re.compile(rb"(?:\n|[;:])[ \t]*(?:from[ \t]+(\w+)|import[ \t]+([\w., \t]+))")
+_IMPORTS_BY_NAME = re.compile(rb"importlib|__import__|pkgutil")
+_FIRST_TEXT = re.compile(rb"\w\(\s*[\"'](\w+)[\"'.]")  # of a call
+_NAME = re.compile(rb"[\"']([\w./ -]+)[\"']")
 _MODULES = {".py", ".so", ".pyd"}
 _OURS = "physic_"
 _INSTALLED = {"site-packages", "dist-packages"}
 _MAX_FILES = 2000
-"""Maximum number of files of a package; of a larger one only the module of the class is hashed."""
-
+"""Maximum number of files of a package whose content counts; of others their sizes and times."""
 
 _MAX_NAMED_FILES = 20_000
-"""Maximum number of files of a folder that settings name."""
+"""Maximum number of files of a package, or of a folder that settings name."""
 
 
 class Digester:
@@ -131,7 +129,8 @@ class CodeDigester:
         packages ``physic_*`` count; of others the version, which those packages require anyway.
 
         All files count with their content, so that two installations agree. For a module outside
-        any package, the modules in the same folder count, and the files that their texts name.
+        any package, the modules in the same folder count, and the files and folders that their
+        texts name.
 
         Returns:
             The digest. None if there is no reliable one: the class is defined in a function or an
@@ -140,7 +139,7 @@ class CodeDigester:
         modules = []
         for base in kind.__mro__:
             top = base.__module__.partition(".")[0]
-            if top in sys.stdlib_module_names:
+            if top in sys.stdlib_module_names or (modules and not _sources(top)):
                 continue
             file = getattr(sys.modules.get(base.__module__), "__file__", None)
             if file is None or top == "__main__" or "<locals>" in base.__qualname__:
@@ -182,25 +181,27 @@ def _package(module: Path) -> Path:
     any package.
     """
     root = module.parent
-    while (root / "__init__.py").is_file() and (root.parent / "__init__.py").is_file():
+    while (root.parent / "__init__.py").is_file():  # a folder within a package may have none
         root = root.parent
     return root
 
 
 def _files(root: Path) -> list[Path]:
-    """Return the files of a package, none if it is too large; the modules of a folder that is not a
-    package.
-    """
+    """Return the files of a package; the modules of a folder that is not a package."""
     if not (root / "__init__.py").is_file():
         return sorted(path for path in root.iterdir() if path.suffix in _MODULES and path.is_file())
-    files: list[Path] = []
-    for folder, folders, names in os.walk(root):
-        folders[:] = sorted(name for name in folders if name != "__pycache__")
-        paths = (Path(folder, name) for name in sorted(names))
-        files += [path for path in paths if path.is_file()]  # a pipe would be waited for
-        if len(files) > _MAX_FILES:
-            return []
-    return files
+    return list(islice(_files_below(root), _MAX_NAMED_FILES + 1))
+
+
+def _files_below(root: Path) -> Iterator[Path]:
+    """Yield the regular files of a folder, sorted; each folder once, also where links lead to."""
+    seen = set[str]()
+    for folder, folders, names in os.walk(root, followlinks=True):
+        is_new = (real := os.path.realpath(folder)) not in seen
+        seen.add(real)
+        folders[:] = sorted(name for name in folders if is_new and name != "__pycache__")
+        paths = (Path(folder, name) for name in sorted(names) if is_new)
+        yield from (path for path in paths if path.is_file())  # a pipe would be waited for
 
 
 @dataclass(frozen=True)
@@ -217,8 +218,12 @@ def _read_code(files: list[Path]) -> _Code | None:
     imported: set[str] = set()
     files = [*files]
     counted = set(files)
+    is_declared = files[0].parent.name.startswith(_OURS)  # its distribution states requirements
     try:
-        for path in files:  # which grows
+        for count, path in enumerate(files):  # which grows
+            if count >= _MAX_FILES:
+                digest.update(f"{path.name} {file_stamp(path.stat())};".encode())
+                continue
             is_source = path.suffix == ".py"
             if is_source and _STARTED < path.stat().st_mtime <= time.time():
                 return None
@@ -226,13 +231,14 @@ def _read_code(files: list[Path]) -> _Code | None:
             digest.update(f"{path.name} {len(content)};".encode() + content)
             if is_source:
                 imported |= _imported(content)
-                named = _files_named_in(content, path.parent)
+                named = [] if is_declared else _files_named_in(content, path.parent)
                 files += (new := [one for one in named if one not in counted])
                 counted.update(new)
     except OSError:
         return None
+    if len(files) > _MAX_NAMED_FILES:
+        return None
     places: list[Path] = []
-    is_declared = files[0].parent.name.startswith(_OURS)  # its distribution states requirements
     for name in sorted(imported - sys.stdlib_module_names):
         places += (found := _sources(name))
         if not found and not is_declared:
@@ -241,19 +247,34 @@ def _read_code(files: list[Path]) -> _Code | None:
 
 
 def _imported(source: bytes) -> set[str]:
-    """Return the top-level names that a module imports."""
-    statements = _IMPORTED.findall(b"\n" + source)
-    lists = [some.replace(b"\\", b"").split(b",") for _, some in statements]
-    names = {one.split()[0] for some in lists for one in some if one.split()}
-    names |= {name for name, _ in statements if name} | {*_IMPORTED_BY_NAME.findall(source)}
+    """Return the top-level names that a module imports, or may import by the first text of a
+    call.
+    """
+    source = b"\n" + re.sub(rb"\\\r?\n", b"", source)
+    statements = _IMPORTED.findall(source)
+    names = {one.split()[0] for _, some in statements for one in some.split(b",") if one.split()}
+    names |= {name for name, _ in statements if name}
+    if _IMPORTS_BY_NAME.search(source):
+        names |= {*_FIRST_TEXT.findall(source)}
     return {name.partition(b".")[0].decode(errors="replace") for name in names}
 
 
 def _files_named_in(source: bytes, folder: Path) -> list[Path]:
-    """Return the files, beside those of Python, that a text of a module in a folder names."""
-    names = {name.decode(errors="replace") for name in _FILE_NAME.findall(source)}
-    paths = (os.path.join(folder, name) for name in sorted(names) if not name.endswith(".py"))
-    return [Path(path) for path in paths if os.path.isfile(path)]
+    """Return the files that a text of a module in a folder names, and those of the folders in it
+    that one names.
+    """
+    found: list[Path] = []
+    for name in sorted({name.decode() for name in _NAME.findall(source)}):
+        place = os.path.join(folder, name)
+        if not os.path.exists(place):
+            continue
+        path = Path(os.path.normpath(place))
+        is_inside = folder in path.parents
+        if (is_inside or path.suffix) and path.is_file():  # not /proc/stat
+            found.append(path)
+        elif is_inside and path.is_dir():
+            found += islice(_files_below(path), _MAX_NAMED_FILES + 1)
+    return found
 
 
 def _sources(name: str) -> list[Path]:
@@ -316,8 +337,8 @@ def remembered_sha256(path: Path) -> str:
 
 
 def files_named_by(settings: Any) -> Iterator[tuple[str, str]]:
-    """Yield path and SHA-256 of every file that a text in settings names; of a folder whose path
-    has a separator, its files' names and stamps.
+    """Yield path and SHA-256 of every file that a text in settings names; of a folder, its files'
+    names and stamps.
 
     Args:
         settings: a text, or mappings, lists and tuples of settings.
@@ -332,7 +353,7 @@ def files_named_by(settings: Any) -> Iterator[tuple[str, str]]:
             path = Path(os.path.expanduser(settings))
             if path.is_file():
                 yield str(path.absolute()), remembered_sha256(path)
-            elif len(path.parts) > 1 and path.is_dir():
+            elif path.parts and path.is_dir():
                 yield str(path.absolute()), _folder_stamp(path)
 
 
@@ -341,16 +362,11 @@ def _folder_stamp(folder: Path) -> str:
     files, a digest that no other call returns.
     """
     digest = hashlib.blake2b(digest_size=_BYTES)
-    count = 0
-    for place, folders, names in os.walk(folder):
-        folders.sort()
-        for name in sorted(names):
-            path = Path(place, name)
-            digest.update(f"{path.relative_to(folder)} ".encode("utf-8", "surrogateescape"))
-            digest.update(file_stamp(path.stat()).encode())
-        count += len(names)
-        if count > _MAX_NAMED_FILES:
+    for count, path in enumerate(_files_below(folder)):
+        if count == _MAX_NAMED_FILES:
             return f"{os.getpid()} {time.time_ns()}"
+        digest.update(f"{path.relative_to(folder)} ".encode("utf-8", "surrogateescape"))
+        digest.update(file_stamp(path.stat()).encode())
     return digest.hexdigest()
 
 

@@ -210,7 +210,10 @@ def _read_entry_points(folders: tuple[tuple[str, float], ...]) -> tuple[Offer, .
     offers = []
     seen = set()
     for installed in distributions():
-        entries = [entry for entry in installed.entry_points if _GROUP.match(entry.group)]
+        try:
+            entries = [entry for entry in installed.entry_points if _GROUP.match(entry.group)]
+        except ValueError:  # not UTF-8: it is no plugin that could be named
+            continue
         if not entries:
             continue
         about = installed.metadata  # parsed at each access

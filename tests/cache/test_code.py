@@ -126,17 +126,43 @@ STANDING = {
         "my_depth",
         ("lens/scale.json", "2"),
     ),
+    "a file in a folder that the text of a module in no package names": (
+        {
+            "my_depth.py": f"from pathlib import Path\n{SOURCE}    here = Path('lens') / 'scale'\n",
+            "lens/scale": "1",
+        },
+        "my_depth",
+        ("lens/scale", "2"),
+    ),
+    "a package around a folder without __init__.py": (
+        {"pack/__init__.py": "", "pack/net.py": "x = 1\n", "pack/deep/depth.py": SOURCE},
+        "pack.deep.depth",
+        ("pack/net.py", "x = 2\n"),
+    ),
+    "a package of many files": (
+        {f"pack/part_{n}.txt": "" for n in range(2001)}
+        | {"pack/__init__.py": SOURCE, "pack/weights.bin": "1"},
+        "pack",
+        ("pack/weights.bin", "12"),
+    ),
     **{
         f"a package of the statement {statement!r}": (
-            {"acme_models.py": "x = 1\n", "pack/__init__.py": f"{statement}\n{SOURCE}"},
+            {
+                "acme_models/__init__.py": "x = 1\n",
+                "acme_models/deep.py": "",
+                "pack/__init__.py": f"{statement}\n{SOURCE}",
+            },
             "pack",
-            ("acme_models.py", "x = 2\n"),
+            ("acme_models/__init__.py", "x = 2\n"),
         )
         for statement in (
             "try: import acme_models\nexcept ImportError: pass",
             "import os; from acme_models import x",
             "import os, \\\n    acme_models",
-            "import importlib\nm = importlib.import_module('acme_models')",
+            "import importlib\nm = importlib.import_module(\n    'acme_models.deep'\n)",
+            "from importlib import import_module as load\nm = load('acme_models')",
+            "m = __import__('acme_models')",
+            "try:\n    from\\\n\t\tacme_models import x\nexcept ImportError: pass",
         )
     },
     "a package that it stands on": (
@@ -228,7 +254,12 @@ class Depth(MetricDepth):
 def test_a_backend_is_vouched_for_until_what_its_results_depend_on_changes(site, monkeypatch):
     monkeypatch.setenv("PHYSIC_CACHE", str(site / "cache"))
     named = write(site / "weights.bin", "1")
-    inside = write(site / "weights" / "deep" / "part.bin", "1")
+    inside = write(site / "elsewhere" / "part.bin", "1")
+    (site / "weights").mkdir()
+    (site / "weights" / "deep").symlink_to(inside.parent)
+    (site / "weights" / "loop").symlink_to(site / "weights")
+    (site / "weights" / "lost").symlink_to("nowhere")
+    monkeypatch.chdir(site)
     write(site / "acme_models" / "__init__.py", "")
     write(site / "pack" / "fingerprint", "1")
     write(site / "pack" / "__init__.py", OPTIONS)
@@ -237,7 +268,7 @@ def test_a_backend_is_vouched_for_until_what_its_results_depend_on_changes(site,
     asked = "metric_depth", "mine", "physic-mine", target_of(kind)
 
     def backend(**options):
-        places = {"file": str(named), "folder": str(site / "weights")}
+        places = {"file": str(named), "folder": "weights"}
         return kind(kind.Options(**places, **options))
 
     assert not is_vouched_for(*asked)

@@ -38,6 +38,9 @@ def test_each_broken_plugin_is_a_row_with_its_cause_and_the_others_are_found(sit
     site.install("physic-i", HOOK.replace("()", "(config)") + "    return []\n")
     site.install("physic-j", "HOOKS = None\n", entry="j = physic_j:HOOKS")
     site.install("physic-k", HOOK + "    return [PluginItem('good')]\n")
+    other = site.install("no-plugin", "")
+    for entries in site.folder.glob(f"{other}-*/entry_points.txt"):
+        entries.write_bytes(b"[console_scripts]\n\xff = no_plugin:main\n")
     site.install("physic-z", GOOD)
     assert names() == ["good"]
     words = (
