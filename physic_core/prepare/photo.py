@@ -17,6 +17,7 @@ from physic_core.io.keypoint_file import GivenKeypoints, read_keypoints
 from physic_core.io.photo import Photo, limit_size
 from physic_core.prepare.border import Border, cut_border, limit_inside
 from physic_core.prepare.frame import Frame, find_frame
+from physic_core.prepare.suspect import photo_warnings
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, Lens, PeoplePrompt
 
 if TYPE_CHECKING:
@@ -140,10 +141,13 @@ def prepare_photo(
     given = PreparedPhoto(photo, prompt, sizes, keypoints, bodies, masks)
     prepared = _in_px_of_picture(given, file_size)
     if inside is not None:
-        return _without_border(prepared, inside, frame.note)
-    if settings.distortion is None or photo.intrinsics is None:
-        return prepared
-    return _undistorted(prepared, Lens(photo.intrinsics, settings.distortion), file_size)
+        prepared = _without_border(prepared, inside, frame.note)
+    elif settings.distortion is not None and photo.intrinsics is not None:
+        prepared = _undistorted(prepared, Lens(photo.intrinsics, settings.distortion), file_size)
+    photo = prepared.photo
+    if not frame.warning:
+        photo = replace(photo, warnings=(*photo.warnings, *photo_warnings(photo.image)))
+    return replace(prepared, photo=photo)
 
 
 def _with_words_of_frame(photo: Photo, frame: Frame) -> Photo:

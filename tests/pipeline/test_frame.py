@@ -233,3 +233,31 @@ def test_a_shaded_wall_and_a_small_sky_are_no_plain_ground():
     sky = picture()
     sky[:100] = 255
     assert plain_ground(sky) is None
+
+
+def warnings_of(image):
+    return prepare_photo(Photo(image), PhotoSettings(), None, None).photo.warnings
+
+
+@pytest.mark.parametrize("turn", [0, 100, 333])
+def test_a_panorama_without_metadata_is_warned_of(turn):
+    half = textured(HEIGHT, HEIGHT)
+    whole = np.roll(np.concatenate([half, half[:, ::-1]], axis=1), turn, axis=1)
+    (warning,) = warnings_of(whole)
+    assert "panorama" in warning
+    assert not warnings_of(textured(HEIGHT, 2 * HEIGHT))
+
+
+def test_a_strip_is_wider_than_photos_are():
+    (warning,) = warnings_of(textured(HEIGHT, 3 * HEIGHT))
+    assert "panorama" in warning
+    assert not warnings_of(textured(3 * HEIGHT, HEIGHT))
+
+
+def test_a_photo_that_is_almost_black_is_warned_of():
+    """Of a night with lights, too little is black."""
+    night = (textured(HEIGHT, WIDTH) / 10).astype(np.uint8)
+    (warning,) = warnings_of(night)
+    assert "dark" in warning
+    night[200:300, 100:400] = textured(100, 300)
+    assert not warnings_of(night)
