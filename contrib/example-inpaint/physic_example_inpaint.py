@@ -26,7 +26,8 @@ class PullPushOptions(Options):
         1.0,
         gt=0,
         le=4,
-        description="weight from which a level is used: 4 keeps detail of the rim, 0.5 is smoother",
+        description="factor of the known share of coarse pixels: 4 keeps detail at the rim, 0.5 is "
+        "smoother",
     )
 
 

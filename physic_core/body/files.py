@@ -265,8 +265,8 @@ def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]
         content = read_pickle(path)
     except UnsafePickleError as error:
         raise BodyModelError(
-            f"{path} is a pickle that asks for '{error}', which no {layout.name} file holds and "
-            f"which could run code: it is not opened; {layout.advice}"
+            f"{path} is a pickle that asks for '{error}', which no {layout.name} file needs. "
+            f"It could run code, so PhySIC does not open it; {layout.advice}"
         ) from error
     except InvalidArrayError as error:
         raise BodyModelError(f"{path} {error}: {layout.advice}") from error

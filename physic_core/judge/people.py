@@ -214,7 +214,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
 )
 def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the probability that all listed contacts of feet, hands and seat are right; for people
-    who lie, of the least certain part that carries them.
+    who lie, that the least certain part carries them.
 
     It is 0 if none carries a person who lies.
     """

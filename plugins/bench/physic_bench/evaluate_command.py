@@ -91,8 +91,8 @@ _COMMON = (
         ["--config"],
         metavar="FILE",
         type=AnyPath(),
-        help="Reconstruct them with this TOML file, or as reconstruction.json of a run says, and "
-        "score that.",
+        help="Reconstruct the frames with this TOML file, or the reconstruction.json of a run, and "
+        "score the results.",
     ),
     click.Option(
         ["--set", "overrides"],

@@ -231,9 +231,8 @@ def resize_nearest(
         and abs(math.log((columns / rows) / (width / height))) > _ASPECT_TOLERANCE
     ):
         raise InputError(
-            f"{path} is of {columns} x {rows} px, another aspect ratio than that of the photo, "
-            f"{width} x {height} px: "
-            "give a map of the same photo, upright and not cropped"
+            f"{path} has {columns} x {rows} px, which is not the aspect ratio of the photo "
+            f"({width} x {height} px): give a map of the same photo, upright and not cropped"
         )
     y = np.minimum(((np.arange(height) + 0.5) * rows / height).astype(int), rows - 1)
     x = np.minimum(((np.arange(width) + 0.5) * columns / width).astype(int), columns - 1)
@@ -316,7 +315,7 @@ def _load_arrays(
             f"({shorten(str(error), _LONGEST)})"
         ) from error
     others = [shorten(name, _LONGEST) for name in names if name not in wanted]
-    note = f"of {path.name}, {', '.join(wanted)} is used, and not {', '.join(others[:_LISTED])}"
+    note = f"{path.name}: {', '.join(wanted)} is used, {', '.join(others[:_LISTED])} is not"
     return arrays[needed], arrays.get("valid"), (note,) if others else ()
 
 

@@ -81,8 +81,8 @@ class BodyOptions(MockOptions):
     )
     depth_noise: interfaces.Share = Field(
         0.05,
-        description="Standard deviation of the logarithm of distance, besides the error of "
-        "stature, times the noise.",
+        description="Standard deviation of the logarithm of distance, times the noise; "
+        "added to the error of stature.",
     )
 
 

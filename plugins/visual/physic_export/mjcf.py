@@ -254,7 +254,7 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
         return ExportedFiles(files, notes)
     note = f"{len(tiles)} convex tiles of the scene"
     if request.result.scene.floor is not None:
-        note += "; what is less than 4 cm over the floor is the plane"
+        note += "; a plane replaces everything less than 4 cm over the floor"
     errors = tile_errors(request.result, tiles)
     if errors is not None:
         note += (

@@ -83,11 +83,13 @@ CASES: dict[str, Photo] = {
     "steps": Photo("three people outdoors, in no order of distance, under a sky", "outdoor_crowd"),
     "squatting": Photo("one person who squats", "squat", 7 / 8),
     "leaning": Photo("one person who leans on a wall", "lean_on_wall"),
-    "child": Photo("a child by the hand of an adult", "child_by_the_hand"),
+    "child": Photo("a child who holds the hand of an adult", "child_by_the_hand"),
     "close": Photo("one person, three times as wide and high", "stand", 3),
     "striding": Photo("one person who walks, three times as wide and high", "walk", 3),
     "sitting": Photo("two people on a seat, three times as wide and high", "sit_side_by_side", 3),
-    "crouching": Photo("one person with a hidden hand, as large", "squat_indoors", 3 * 7 / 8),
+    "crouching": Photo(
+        "one person with a hidden hand, three times as wide and high", "squat_indoors", 3 * 7 / 8
+    ),
 }
 """Name of each photo -> what it shows."""
 

@@ -104,7 +104,7 @@ def check_options_are_complete(subject: BackendUnderTest) -> None:
     expect(
         options.model_config.get("extra") == "forbid",
         "an error for unknown options, such as misspelled ones",
-        "a model that takes any key",
+        "Options that accept any key",
         "Derive Options from physic_core.interfaces.Options and do not change its model_config.",
     )
     unset = [name for name, field in options.model_fields.items() if field.is_required()]

@@ -262,7 +262,7 @@ def check_unknown_names_the_ambiguity(subject: BackendUnderTest) -> None:
         expect(
             bool(share > EXPLAINED[subject.interface]),
             f"agreement with the truth after a fit of {stated!r}",
-            f"an error of which {share:.1%} is left after a fit of {kind!r}",
+            f"a fit of {kind!r} leaves only {share:.1%} of the error",
             f"Return unknown={kind!r}, or remove the offset.",
         )
 
