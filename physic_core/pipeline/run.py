@@ -449,24 +449,16 @@ def _with_descriptions(
         stages.warn(*others, *warning_messages(result.checks))
         stages.warn(*small_stature_warnings(estimates, result), *bent_trunk_warnings(result))
         stages.note(*describe_methods(estimates, result))
-    with stages.beyond_the_answer("the search for mistakes of backends"):
-        _warn_of_contradictions(plan, estimates, result, stages)
+        if any(check.failed for check in result.checks):
+            stages.warn(
+                *(
+                    f"a check failed, and {one.title} never passed `physic plugins check` here: it "
+                    f"may be wrong"
+                    for one in plan.backends.values()
+                    if not stages.is_vouched_for(one)
+                )
+            )
     return replace(result, diagnostics={**result.diagnostics, **repositories})
-
-
-def _warn_of_contradictions(
-    plan: ResolvedPipeline, estimates: Estimates, result: Reconstruction, stages: StageCaller
-) -> None:
-    """Warn of backends that are not vouched for, and whose answers contradict those of others."""
-    from physic_core.pipeline.doubts import doubt_of_contact_places, doubt_of_distance_from_others
-
-    strange = {name: one for name, one in plan.backends.items() if not stages.is_vouched_for(one)}
-    prior = strange.get("contact_prior")
-    if prior and (doubt := doubt_of_contact_places(result, estimates.contact.probability)):
-        stages.warn(f"{prior.title}: {doubt}")
-    furthest, doubt = doubt_of_distance_from_others(result, strange)
-    if furthest and not any(strange[furthest].title in text for text in stages.warnings):
-        stages.warn(f"{strange[furthest].title}: {doubt}; physic plugins check tries it alone")
 
 
 def _estimate(run: PhotoRun, *, close: bool) -> Estimates:

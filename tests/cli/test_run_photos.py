@@ -81,7 +81,6 @@ def constructed(monkeypatch):
         "physic_core.judge.run_checks",
         "physic_core.pipeline.reconstruction.judge",
         "physic_core.pipeline.reconstruction.describe_repositories",
-        "physic_core.pipeline.doubts.doubt_of_distance_from_others",
         "physic_core.io.results.person_rows",
         "physic_core.io.result_folder.person_rows",
         "physic_core.io.results.make_pictures",

@@ -75,12 +75,6 @@ def events(monkeypatch):
     return Counting.events
 
 
-@pytest.fixture(autouse=True)
-def passed_the_kit(monkeypatch):
-    """Backends that are not asked twice."""
-    monkeypatch.setattr("physic_core.pipeline.stage_caller.is_vouched_for", lambda *_: True)
-
-
 def resolved(backend):
     return ResolvedBackend(
         backend, Provenance("metric_depth", backend.name, "p", "my-dist", "1.0", {}, "")
