@@ -16,12 +16,17 @@ from physic_core.errors import BodyModelError, ConfigError, PackageMissingError,
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
     from physic_core.body.model import BodyModel
-    from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
+    from physic_core.types import (
+        Bodies,
+        ContactProbability,
+        Float64Array,
+        FloatArray,
+        Mesh,
+        RestMesh,
+    )
 
-    VertexTransfer = Callable[[NDArray[np.floating[Any]]], NDArray[np.float64]]
+    VertexTransfer = Callable[[FloatArray], Float64Array]
 
 _ROLE = "converter of bodies"
 _DISTRIBUTION = "metricbody-embedded"
@@ -40,8 +45,8 @@ class ConvertedBodies:
     """
 
     bodies: Bodies
-    joints_m: NDArray[np.float64]
-    surface_m: NDArray[np.float64] | None
+    joints_m: Float64Array
+    surface_m: Float64Array | None
 
     def note(self, before: str) -> str:
         """Return a note for the user: both body models and the mean residuals."""

@@ -33,9 +33,7 @@ from physic_core.geometry.upright import world_from_camera
 from physic_core.types.records import Exported, ExportedFiles
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import Person, Plane, Reconstruction
+    from physic_core.types import Float64Array, Person, Plane, Reconstruction
 
 _Z_UP_FROM_Y_UP = np.array(
     [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
@@ -54,12 +52,12 @@ class ExportFrame:
     """
 
     up: str
-    from_camera: NDArray[np.float64]
+    from_camera: Float64Array
     axes: str
     notes: tuple[str, ...] = ()
 
     @property
-    def up_vector(self) -> NDArray[np.float64]:
+    def up_vector(self) -> Float64Array:
         """Unit vector (3,) that points up in this frame; of a camera frame, the camera's up."""
         return np.array(
             {"y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0], "camera": [0.0, -1.0, 0.0]}[self.up]
@@ -142,7 +140,7 @@ def export_frame(level: Plane | None, up: str) -> ExportFrame:
     return ExportFrame(up, matrix, f"x right, y up{of_camera}, z backward, {origin}", notes)
 
 
-def camera_pose(frame: ExportFrame) -> NDArray[np.float64]:
+def camera_pose(frame: ExportFrame) -> Float64Array:
     """Return the pose (4, 4) of a camera that looks along its -z with y up, as in glTF, USD and
     MuJoCo.
     """

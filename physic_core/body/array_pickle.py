@@ -15,10 +15,13 @@ import pickle
 import re
 from math import prod
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from physic_core.types import AnyArray
+
 
 _MAX_FILE_BYTES = 2**30
 """Bytes. The largest published body model has a quarter of that."""
@@ -102,7 +105,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def as_array(value: Any) -> NDArray[Any]:
+def as_array(value: Any) -> AnyArray:
     """Convert a value of :func:`read_pickle` to an array.
 
     Raises:
@@ -140,7 +143,7 @@ class PickledObject:
         """
         return self.state.get(name) if isinstance(self.state, dict) else None
 
-    def dense(self) -> NDArray[Any]:
+    def dense(self) -> AnyArray:
         """Return the dense array that this placeholder stands for.
 
         Raises:
@@ -170,7 +173,7 @@ class _Array(PickledObject):
     bytes).
     """
 
-    def dense(self) -> NDArray[Any]:
+    def dense(self) -> AnyArray:
         _, shape, kind, columns_first, data = self.state
         return _decoded(data, kind, _shape(shape), "F" if columns_first else "C")
 
@@ -182,7 +185,7 @@ class _FromBuffer(PickledObject):
     another one.
     """
 
-    def dense(self) -> NDArray[Any]:
+    def dense(self) -> AnyArray:
         data, kind, shape, order, *axes = self.arguments
         stored = _decoded(data, kind, _shape(shape), "F" if order == "F" else "C")
         return stored.transpose(*axes) if axes else stored
@@ -204,7 +207,7 @@ class _JoblibArray(PickledObject):
             raise InvalidArrayError("is an array that is larger than a file")
         self.data = file.read(size)
 
-    def dense(self) -> NDArray[Any]:
+    def dense(self) -> AnyArray:
         return _decoded(
             self.data, self.part("dtype"), _shape(self.part("shape")), self.part("order")
         )
@@ -220,7 +223,7 @@ class _Dict(dict[Any, Any]):
 class _Scalar(PickledObject):
     """Placeholder of a numpy scalar; its arguments are dtype and bytes."""
 
-    def dense(self) -> NDArray[Any]:
+    def dense(self) -> AnyArray:
         kind, data = self.arguments
         return _decoded(data, kind, (), "C")
 
@@ -230,7 +233,7 @@ class _Sparse(PickledObject):
 
     by_column = True
 
-    def dense(self) -> NDArray[Any]:
+    def dense(self) -> AnyArray:
         from scipy.sparse import csc_matrix, csr_matrix
 
         shape = _shape(self.part("shape") if self.part("_shape") is None else self.part("_shape"))
@@ -253,7 +256,7 @@ class _Sparse(PickledObject):
         )
         # toarray would write outside of the array for a wrong index
         matrix.check_format(full_check=True)
-        full: NDArray[Any] = matrix.toarray()
+        full: AnyArray = matrix.toarray()
         return full
 
 
@@ -264,12 +267,12 @@ class _SparseByRow(_Sparse):
 class _Chumpy(PickledObject):
     """Placeholder of a chumpy array: its numbers, or a selection of the numbers of another one."""
 
-    def dense(self) -> NDArray[Any]:
+    def dense(self) -> AnyArray:
         if self.part("x") is not None:
             return as_array(self.part("x"))
         if self.part("a") is None or self.part("idxs") is None:
             raise InvalidArrayError("is an expression for chumpy to compute, not numbers")
-        chosen: NDArray[Any] = as_array(self.part("a")).ravel()[as_array(self.part("idxs"))]
+        chosen: AnyArray = as_array(self.part("a")).ravel()[as_array(self.part("idxs"))]
         shape = self.part("preferred_shape")
         return chosen if shape is None else chosen.reshape(_shape(shape))
 
@@ -349,7 +352,7 @@ class _Unpickler(pickle._Unpickler):
         raise UnsafePickleError(escape_unprintable(f"{module}.{name}"))
 
 
-def _decoded(data: Any, kind: Any, shape: tuple[int, ...], order: Any) -> NDArray[Any]:
+def _decoded(data: Any, kind: Any, shape: tuple[int, ...], order: Any) -> AnyArray:
     """Return the array of bytes in a dtype and shape; text stands for bytes of Python 2."""
     if not isinstance(kind, _DType):
         raise InvalidArrayError("is an array without a type")

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from physic_core.body.joints import JOINT_NAMES, PART_NAMES
 
-_Array = NDArray[Any]
+if TYPE_CHECKING:
+    from physic_core.types import AnyArray, Float64Array, Int64Array
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class VertexSets:
         extremes: ids that can be the highest or the lowest point in the T-pose.
     """
 
-    part_of_vertex: _Array
-    contact_sets: Mapping[str, _Array]
-    surface_points: Mapping[str, _Array]
-    extremes: _Array
+    part_of_vertex: AnyArray
+    contact_sets: Mapping[str, AnyArray]
+    surface_points: Mapping[str, AnyArray]
+    extremes: AnyArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,27 +50,27 @@ class BodyArrays:
 
     name: str
     topology: str
-    template: _Array
-    directions: _Array
-    joint_template: _Array
-    joint_directions: _Array
-    bind_rot: _Array | None
-    weights: _Array
-    faces: _Array
+    template: AnyArray
+    directions: AnyArray
+    joint_template: AnyArray
+    joint_directions: AnyArray
+    bind_rot: AnyArray | None
+    weights: AnyArray
+    faces: AnyArray
     num_betas: int
     num_expression: int
-    outer: _Array
+    outer: AnyArray
     picks: VertexSets | None = None
     info: str = ""
 
     @cached_property
-    def part_of_vertex(self) -> NDArray[np.int64]:
+    def part_of_vertex(self) -> Int64Array:
         """Body part (V,) of each vertex, an index into PART_NAMES."""
         if self.picks is None:
             return label_parts(self.weights.astype(np.float64))
         return self.picks.part_of_vertex.astype(np.int64)
 
-    def rest_joints(self, shape: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rest_joints(self, shape: Float64Array) -> Float64Array:
         """Return the joints (55, 3) of a shape (K + E,) in the bind pose, metres."""
         return np.asarray(
             self.joint_template + np.tensordot(shape, self.joint_directions, 1), np.float64
@@ -94,7 +94,7 @@ def _part_of_joint(name: str) -> str:
     return "head" if name in ("neck", "head", "jaw", "left_eye", "right_eye") else "torso"
 
 
-def label_parts(weights: NDArray[np.float64]) -> NDArray[np.int64]:
+def label_parts(weights: Float64Array) -> Int64Array:
     """Return the body part (V,) with the largest sum of skinning weights (V, 55), as an index into
     PART_NAMES.
     """
@@ -103,5 +103,5 @@ def label_parts(weights: NDArray[np.float64]) -> NDArray[np.int64]:
         member[joint, PART_NAMES.index(_part_of_joint(name))] = 1.0
     # Vertices on the middle plane belong to left and right alike but for rounding: ties go to the
     # first part.
-    labels: NDArray[np.int64] = np.argmax((weights @ member).round(6), axis=1)
+    labels: Int64Array = np.argmax((weights @ member).round(6), axis=1)
     return labels

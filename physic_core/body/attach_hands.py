@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from physic_core.body.bones import (
     BoneOffsets,
@@ -26,9 +25,8 @@ from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_nu
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.types import BodyParameters, Hands
+    from physic_core.types import BodyParameters, BoolArray, Float64Array, Hands, Int64Array
 
-_Array = NDArray[np.float64]
 WRIST_LIMITS = np.array([1.6, 1.0, 1.5]) + 0.15
 """Largest rotation of a wrist from its place in the T-pose about x, y and z, radians: that of all
 healthy poses, and a tolerance, since people differ.
@@ -80,7 +78,7 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel) -> 
     return _with_arms(parameters, rows, local, given[..., 0])
 
 
-def _shares(hands: Hands) -> _Array:
+def _shares(hands: Hands) -> Float64Array:
     """Return how far arms follow each hand (N, 2), from 0 to 1, smooth in the confidence."""
     confidence = np.asarray(hands.confidence, np.float64)
     ramp = np.clip((confidence - _MIN_CONFIDENCE) / (_FULL_CONFIDENCE - _MIN_CONFIDENCE), 0.0, 1.0)
@@ -88,8 +86,12 @@ def _shares(hands: Hands) -> _Array:
 
 
 def _rotate_towards(
-    elbows: _Array, wrists: _Array, wanted: _Array, share: _Array, axes: _Array
-) -> tuple[_Array, _Array]:
+    elbows: Float64Array,
+    wrists: Float64Array,
+    wanted: Float64Array,
+    share: Float64Array,
+    axes: Float64Array,
+) -> tuple[Float64Array, Float64Array]:
     """Rotate forearms and hands (n, 2, 3, 3) by a ``share`` (n, 2) of the arc to the ``wanted``
     rotations.
     """
@@ -99,7 +101,7 @@ def _rotate_towards(
     low = np.minimum(-WRIST_LIMITS, start)
     high = np.maximum(WRIST_LIMITS, start)
 
-    def at(step: _Array) -> tuple[_Array, _Array]:
+    def at(step: Float64Array) -> tuple[Float64Array, Float64Array]:
         turn = way * step[..., None]
         hand = rotvec_to_rotmat_numpy(turn) @ wrists
         forearm = elbows @ rotvec_to_rotmat_numpy(_pronation(elbows, turn, axes)[..., None] * axes)
@@ -114,7 +116,7 @@ def _rotate_towards(
     return at(np.minimum(share, farthest))
 
 
-def _pronation(elbows: _Array, turn: _Array, axes: _Array) -> _Array:
+def _pronation(elbows: Float64Array, turn: Float64Array, axes: Float64Array) -> Float64Array:
     """Return the twist (..., 2) of each forearm about its axis, radians, for hand rotations
     ``turn`` (..., 2, 3).
 
@@ -125,12 +127,12 @@ def _pronation(elbows: _Array, turn: _Array, axes: _Array) -> _Array:
     own = (np.swapaxes(elbows, -1, -2) @ turn[..., None])[..., 0]
     along = (own * axes).sum(-1) / np.maximum(angle, 1e-12)
     twist = 2 * np.arctan2(along * np.sin(0.5 * angle), np.cos(0.5 * angle))
-    clipped: _Array = np.clip(_FOREARM_SHARE * twist, -_MAX_FOREARM_TWIST, _MAX_FOREARM_TWIST)
+    clipped: Float64Array = np.clip(_FOREARM_SHARE * twist, -_MAX_FOREARM_TWIST, _MAX_FOREARM_TWIST)
     return clipped
 
 
 def _with_arms(
-    parameters: BodyParameters, rows: NDArray[np.int64], local: _Array, given: NDArray[np.bool_]
+    parameters: BodyParameters, rows: Int64Array, local: Float64Array, given: BoolArray
 ) -> BodyParameters:
     """Replace elbows, wrists and fingers of ``rows`` where ``given`` (n, 2); all other values stay
     identical.

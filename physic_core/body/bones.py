@@ -24,7 +24,7 @@ from physic_core.types import BodyParameters
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.types import Bodies
+    from physic_core.types import Bodies, Float64Array
 
 _HEAD = JOINT_INDEX["head"]
 _UP = np.array([0, *PARENTS[1:]])
@@ -120,21 +120,18 @@ def matmul(a: NDArray[_Real], b: NDArray[_Real]) -> NDArray[_Real]:
     return product
 
 
-def cholesky_solve(normal: NDArray[np.float64], rhs: NDArray[np.float64]) -> NDArray[np.float64]:
+def cholesky_solve(normal: Float64Array, rhs: Float64Array) -> Float64Array:
     """Solve ``normal x = rhs`` by Cholesky: symmetric positive definite (B, M, M) and (B, M) -> x
     (B, M).
     """
     factor = torch.linalg.cholesky(torch.from_numpy(normal))
-    solution: NDArray[np.float64] = torch.cholesky_solve(torch.from_numpy(rhs)[..., None], factor)[
+    solution: Float64Array = torch.cholesky_solve(torch.from_numpy(rhs)[..., None], factor)[
         ..., 0
     ].numpy()
     return solution
 
 
-_Array = NDArray[np.float64]
-
-
-def _family() -> _Array:
+def _family() -> Float64Array:
     """Return the (55, 55) matrix that is 1 where the column is the joint of the row or one of its
     ancestors.
     """
@@ -157,8 +154,8 @@ class BoneOffsets:
         directions: (K, 55, 3) change with one unit of each shape component.
     """
 
-    template: _Array
-    directions: _Array
+    template: Float64Array
+    directions: Float64Array
 
     @classmethod
     def of(cls, model: BodyModel) -> BoneOffsets:
@@ -175,26 +172,26 @@ class BoneOffsets:
             both[:, 1:] = (turn @ both[:, 1:, :, None])[..., 0]
         return cls(both[0], both[1:])
 
-    def for_betas(self, betas: _Array) -> _Array:
+    def for_betas(self, betas: Float64Array) -> Float64Array:
         """Return the bone offsets (B, 55, 3), metres, for betas (B, K)."""
         flat = betas @ self.directions.reshape(len(self.directions), -1)
         return self.template + flat.reshape(-1, NUM_JOINTS, 3)
 
-    def rest(self, betas: _Array) -> _Array:
+    def rest(self, betas: Float64Array) -> Float64Array:
         """Return the T-pose joints (B, 55, 3) for betas (B, K)."""
-        joints: _Array = ANCESTOR_MATRIX @ self.for_betas(betas)
+        joints: Float64Array = ANCESTOR_MATRIX @ self.for_betas(betas)
         return joints
 
-    def pose(self, world: _Array, betas: _Array, transl: _Array) -> _Array:
+    def pose(self, world: Float64Array, betas: Float64Array, transl: Float64Array) -> Float64Array:
         """Return the posed joints (B, 55, 3), metres, for world rotations (B, 55, 3, 3) relative to
         the T-pose.
         """
         carried = self.for_betas(betas)
         carried[:, 1:] = (world[:, _UP[1:]] @ carried[:, 1:, :, None])[..., 0]
-        joints: _Array = ANCESTOR_MATRIX @ carried + transl[:, None]
+        joints: Float64Array = ANCESTOR_MATRIX @ carried + transl[:, None]
         return joints
 
-    def shape_jacobian(self, world: _Array) -> _Array:
+    def shape_jacobian(self, world: Float64Array) -> Float64Array:
         """Return the derivative (B, 55, 3, K) of the posed joints with respect to the betas."""
         batch = len(world)
         count = len(self.directions)
@@ -207,8 +204,12 @@ class BoneOffsets:
 
 
 def fit_shape(
-    slopes: _Array, start: _Array, targets: _Array, weights: _Array, ridge: float = 1.0
-) -> tuple[_Array, _Array]:
+    slopes: Float64Array,
+    start: Float64Array,
+    targets: Float64Array,
+    weights: Float64Array,
+    ridge: float = 1.0,
+) -> tuple[Float64Array, Float64Array]:
     """Fit betas and translation to target points by ridge regression; the fitted points are linear
     in both.
 
@@ -240,7 +241,7 @@ def fit_shape(
     return betas, mean_gap - (mean_slope @ betas[..., None])[..., 0]
 
 
-def rotations_from_tpose(local: _Array) -> _Array:
+def rotations_from_tpose(local: Float64Array) -> Float64Array:
     """Convert rotations (B, 55, 3, 3) relative to the parents to rotations relative to the
     T-pose.
     """
@@ -250,7 +251,7 @@ def rotations_from_tpose(local: _Array) -> _Array:
     return world
 
 
-def rotations_from_parents(world: _Array) -> _Array:
+def rotations_from_parents(world: Float64Array) -> Float64Array:
     """Convert rotations (B, 55, 3, 3) relative to the T-pose to rotations relative to the
     parents.
     """

@@ -16,10 +16,9 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from physic_core.body.array_pickle import (
     InvalidArrayError,
@@ -45,6 +44,7 @@ if TYPE_CHECKING:
     import torch
 
     from physic_core.body.model import BodyModel
+    from physic_core.types import AnyArray, Float64Array, Int64Array
 
 _NAMES = {10475: "a SMPL-X", 6890: "a SMPL", 778: "a MANO", 5023: "a FLAME"}
 """Number of vertices -> family of the body model."""
@@ -141,7 +141,7 @@ MANO = ModelFileLayout(
 )
 
 
-def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
+def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, AnyArray]:
     """Read and check the arrays of a body model file.
 
     Raises:
@@ -170,7 +170,7 @@ def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[An
     return arrays
 
 
-def _check_values(path: Path, arrays: Mapping[str, NDArray[Any]], layout: ModelFileLayout) -> None:
+def _check_values(path: Path, arrays: Mapping[str, AnyArray], layout: ModelFileLayout) -> None:
     """Check that arrays are finite, that indices of vertices are in range, and the tree of the
     joints.
 
@@ -197,7 +197,7 @@ def _check_values(path: Path, arrays: Mapping[str, NDArray[Any]], layout: ModelF
 
 
 def _check(
-    path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader | NDArray[Any]]
+    path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader | AnyArray]
 ) -> None:
     """Raise BodyModelError if arrays are missing or have wrong shapes or types.
 
@@ -239,7 +239,7 @@ def _check(
         )
 
 
-def _from_npz(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
+def _from_npz(path: Path, layout: ModelFileLayout) -> dict[str, AnyArray]:
     """Read the arrays of an ``.npz`` file."""
     try:
         with path.open("rb") as stream:
@@ -259,7 +259,7 @@ def _from_npz(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
         ) from error
 
 
-def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
+def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, AnyArray]:
     """Read the arrays of a pickle without running code."""
     try:
         content = read_pickle(path)
@@ -285,8 +285,6 @@ def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]
     return arrays
 
 
-_Array = NDArray[np.float64]
-
 SMPL_PARENTS = SMPL.parents
 """Parents of the 24 joints; -1 for the pelvis."""
 
@@ -305,12 +303,12 @@ class SmplBody:
         parents: of the 24 joints, or the 52 of SMPL-H.
     """
 
-    template: _Array
-    faces: NDArray[np.int64]
-    shapedirs: _Array
-    posedirs: _Array
-    regressor: _Array
-    weights: _Array
+    template: Float64Array
+    faces: Int64Array
+    shapedirs: Float64Array
+    posedirs: Float64Array
+    regressor: Float64Array
+    weights: Float64Array
     parents: tuple[int, ...] = SMPL_PARENTS
 
     @property
@@ -318,13 +316,17 @@ class SmplBody:
         """Mesh of the mean body in its T-pose."""
         return RestMesh("smpl", self.template, self.faces)
 
-    def smpl_joints(self, rotations: _Array, betas: _Array, transl: _Array) -> _Array:
+    def smpl_joints(
+        self, rotations: Float64Array, betas: Float64Array, transl: Float64Array
+    ) -> Float64Array:
         """Return posed joints (N, 24, 3), metres, for local rotations (N, 24, 3, 3), betas (N, 10),
         transl (N, 3).
         """
         return self._chain(rotations, self._shaped(betas))[1] + transl[:, None]
 
-    def vertices(self, rotations: _Array, betas: _Array, transl: _Array) -> _Array:
+    def vertices(
+        self, rotations: Float64Array, betas: Float64Array, transl: Float64Array
+    ) -> Float64Array:
         """Return posed vertices (N, 6890, 3), metres; arguments as in :meth:`smpl_joints`."""
         shaped = self._shaped(betas)
         world, joints, rest = self._chain(rotations, shaped)
@@ -332,20 +334,22 @@ class SmplBody:
         shaped = shaped + (bent @ self.posedirs.reshape(-1, bent.shape[1]).T).reshape(shaped.shape)
         turns = (self.weights @ world.reshape(len(world), -1, 9)).reshape(*shaped.shape, 3)
         shifts = self.weights @ (joints - (world @ rest[..., None])[..., 0])
-        posed: _Array = (turns @ shaped[..., None])[..., 0] + shifts + transl[:, None]
+        posed: Float64Array = (turns @ shaped[..., None])[..., 0] + shifts + transl[:, None]
         return posed
 
-    def _shaped(self, betas: _Array) -> _Array:
+    def _shaped(self, betas: Float64Array) -> Float64Array:
         """Return unposed vertices (N, 6890, 3) for betas (N, 10)."""
         return self.template + (
             betas @ self.shapedirs.reshape(-1, self.shapedirs.shape[2]).T
         ).reshape(-1, *self.template.shape)
 
-    def _chain(self, rotations: _Array, shaped: _Array) -> tuple[_Array, _Array, _Array]:
+    def _chain(
+        self, rotations: Float64Array, shaped: Float64Array
+    ) -> tuple[Float64Array, Float64Array, Float64Array]:
         """Return world rotations (N, 24, 3, 3), posed joints (N, 24, 3) and rest joints (N, 24,
         3).
         """
-        rest: _Array = self.regressor @ shaped
+        rest: Float64Array = self.regressor @ shaped
         world = rotations.copy()
         joints = rest.copy()
         for joint, parent in enumerate(self.parents[1:], 1):
@@ -519,7 +523,7 @@ def _read(folder: Path) -> BodyArrays:
     )
 
 
-def _ragged(arrays: Mapping[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
+def _ragged(arrays: Mapping[str, AnyArray], name: str) -> dict[str, AnyArray]:
     """Split named groups of ids, stored as names, counts and one list."""
     groups = np.split(arrays[f"{name}_ids"], np.cumsum(arrays[f"{name}_counts"])[:-1])
     return dict(zip((str(n) for n in arrays[f"{name}_names"]), groups, strict=True))

@@ -16,9 +16,7 @@ from physic_core.geometry.rotations import rotmat_to_euler, rotvec_to_rotmat_num
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import FloatArray
+    from physic_core.types import Float64Array, FloatArray
 
 # From x left, y up, z forward to x forward, y up, z right.
 _ISB = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -77,7 +75,7 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
     return {name: angle + 0.0 for name, angle in (angles | elevations).items()}  # no "-0"
 
 
-def _product(turns: NDArray[np.float64], joints: tuple[str, ...]) -> NDArray[np.float64]:
+def _product(turns: Float64Array, joints: tuple[str, ...]) -> Float64Array:
     """Return the rotation of the last of some joints against the segment above the first."""
     whole = np.eye(3)
     for joint in joints:
@@ -85,9 +83,9 @@ def _product(turns: NDArray[np.float64], joints: tuple[str, ...]) -> NDArray[np.
     return whole
 
 
-def segment_axes(turn: NDArray[np.float64]) -> NDArray[np.float64]:
+def segment_axes(turn: Float64Array) -> Float64Array:
     """Return the ISB's axes (3, 3), in columns, of a segment that is turned from the T-pose."""
-    axes: NDArray[np.float64] = turn @ _ISB.T
+    axes: Float64Array = turn @ _ISB.T
     return axes
 
 
@@ -101,7 +99,7 @@ def joints_beside(parts: tuple[str, ...]) -> tuple[str, ...]:
     )
 
 
-def _angles(turns: NDArray[np.float64]) -> NDArray[np.float64]:
+def _angles(turns: Float64Array) -> Float64Array:
     """Return the angles (n, 3) about z, x and y of rotations (n, 3, 3) = Rz Rx Ry, degrees; NaN of
     rotations that are not finite.
     """

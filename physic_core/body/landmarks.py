@@ -14,10 +14,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from physic_core.body.arrays import label_parts
@@ -26,6 +26,10 @@ from physic_core.errors import BodyModelError
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.types import Keypoints
 from physic_core.types.skeletons import SIDES, Skeleton
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, Float64Array, Int64Array
+
 
 _FACE = ("eye", "ear", "eye_inner", "eye_outer", "mouth_corner")
 _HAND = ("thumb_tip", "index_tip", "middle_tip", "ring_tip", "pinky_tip")
@@ -153,23 +157,23 @@ class TPoseMesh:
         outer: (V,) bool, False for cavities.
     """
 
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    joints: NDArray[np.float64]
-    weights: NDArray[np.float64]
-    outer: NDArray[np.bool_]
+    vertices: Float64Array
+    faces: Int64Array
+    joints: Float64Array
+    weights: Float64Array
+    outer: BoolArray
 
     @cached_property
-    def normals(self) -> NDArray[np.float64]:
+    def normals(self) -> Float64Array:
         """(V, 3) unit outward normals."""
         return vertex_normals(self.vertices, self.faces)
 
     @cached_property
-    def part_of_vertex(self) -> NDArray[np.int64]:
+    def part_of_vertex(self) -> Int64Array:
         """(V,) index into PART_NAMES."""
         return label_parts(self.weights)
 
-    def within(self, *parts: str) -> NDArray[np.bool_]:
+    def within(self, *parts: str) -> BoolArray:
         """Return the outer vertices (V,) bool of some parts."""
         return self.outer & np.isin(self.part_of_vertex, [PART_NAMES.index(name) for name in parts])
 
@@ -180,12 +184,12 @@ _FOOT_DEPTH = 0.045
 """Maximum height of the lower half of a foot over its lowest point, metres."""
 
 
-def contact_set_vertices(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
+def contact_set_vertices(mesh: TPoseMesh) -> dict[str, Int64Array]:
     """Return the vertex ids of each set in CONTACT_SETS, ascending, without cavities."""
     x, y, _ = mesh.vertices.T
     down = -mesh.normals[:, 1]
     behind = -mesh.normals[:, 2] > 0.3
-    chosen: dict[str, NDArray[np.bool_]] = {}
+    chosen: dict[str, BoolArray] = {}
     for side in SIDES:
         foot = mesh.within(f"{side}_foot")
         low = y - (y[foot].min() if foot.any() else 0.0)
@@ -209,7 +213,7 @@ def contact_set_vertices(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
     return {name: np.flatnonzero(chosen[name]) for name in CONTACT_SETS}
 
 
-def pick_surface_points(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
+def pick_surface_points(mesh: TPoseMesh) -> dict[str, Int64Array]:
     """Return landmark name -> vertex ids, for each name in SURFACE_POINTS.
 
     A landmark is the mean of its vertices.
@@ -240,13 +244,13 @@ _EAR_FORWARD = 0.012
 """Distance from the centre of the ear's rim inwards and forwards to the ear canal, metres."""
 
 
-def _pick_face(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
+def _pick_face(mesh: TPoseMesh) -> dict[str, Int64Array]:
     """Return the vertex ids of nose, eyes, mouth and ears."""
     head = mesh.within("head")
     # With lids or eyeballs, which are not part of the outer surface.
     whole_head = mesh.part_of_vertex == PART_NAMES.index("head")
     eyes = mesh.joints[joint_pair("eye")]
-    picks: dict[str, NDArray[np.int64]] = {}
+    picks: dict[str, Int64Array] = {}
     middle = head & (np.abs(mesh.vertices[:, 0]) < 0.015)
     picks["nose"] = _furthest(mesh, middle if middle.any() else head, np.array([0.0, 0.0, 1.0]), 2)
     nose = mesh.vertices[picks["nose"]].mean(0)
@@ -265,7 +269,7 @@ def _pick_face(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
     return picks
 
 
-def _pick_foot(mesh: TPoseMesh, side: str, sign: float) -> dict[str, NDArray[np.int64]]:
+def _pick_foot(mesh: TPoseMesh, side: str, sign: float) -> dict[str, Int64Array]:
     """Return the vertex ids of toes, heel and foot tip of one foot."""
     foot = mesh.within(f"{side}_foot")
     x, _, z = mesh.vertices.T
@@ -286,16 +290,12 @@ def _pick_foot(mesh: TPoseMesh, side: str, sign: float) -> dict[str, NDArray[np.
     }
 
 
-def _furthest(
-    mesh: TPoseMesh, mask: NDArray[np.bool_], direction: NDArray[np.float64], count: int
-) -> NDArray[np.int64]:
+def _furthest(mesh: TPoseMesh, mask: BoolArray, direction: Float64Array, count: int) -> Int64Array:
     """Return the ids of the ``count`` vertices of the mask that are furthest along a direction."""
     return _first(mask, -(mesh.vertices @ direction), count)
 
 
-def _in_front(
-    mesh: TPoseMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int
-) -> NDArray[np.int64]:
+def _in_front(mesh: TPoseMesh, mask: BoolArray, point: Float64Array, count: int) -> Int64Array:
     """Return the ids of the ``count`` forward-facing vertices of the mask nearest to the +z ray
     from ``point``.
     """
@@ -304,7 +304,7 @@ def _in_front(
     return _first(facing if facing.any() else mask, off_axis, count)
 
 
-def _first(mask: NDArray[np.bool_], cost: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+def _first(mask: BoolArray, cost: Float64Array, count: int) -> Int64Array:
     """Return the ids of the ``count`` vertices of the mask with the least cost, ascending; of all
     if it is empty.
     """

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from physic_core.body.arrays import BodyArrays, VertexSets
@@ -29,6 +28,10 @@ from physic_core.types.arrays import PER_PERSON
 from physic_core.types.bodies import RestMesh
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton, skeleton_named
+
+if TYPE_CHECKING:
+    from physic_core.types import AnyArray
+
 
 _COARSE_M = 0.02
 
@@ -345,9 +348,6 @@ def _coefficients(num_expression: int, betas: Tensor, expression: Tensor | None)
     )
 
 
-_Array = NDArray[Any]
-
-
 def build_body_model(arrays: BodyArrays, device: torch.device | str = "cpu") -> BodyModel:
     """Build a BodyModel, float32, on a device."""
     picks = derive_vertex_sets(arrays) if arrays.picks is None else arrays.picks
@@ -414,12 +414,12 @@ def _mechanics(arrays: BodyArrays) -> tuple[Kinematics, Skin]:
     return kinematics, skin
 
 
-def _float(array: _Array) -> Tensor:
+def _float(array: AnyArray) -> Tensor:
     """Convert an array to a float32 tensor."""
     return torch.as_tensor(np.asarray(array, dtype=np.float32))
 
 
-def _ids(groups: Mapping[str, _Array]) -> dict[str, Tensor]:
+def _ids(groups: Mapping[str, AnyArray]) -> dict[str, Tensor]:
     """Convert id arrays to int64 tensors."""
     return {name: torch.as_tensor(ids.astype(np.int64)) for name, ids in groups.items()}
 

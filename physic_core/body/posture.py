@@ -9,9 +9,7 @@ import numpy as np
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import FloatArray, Plane
+    from physic_core.types import BoolArray, Float64Array, FloatArray, Plane
 
 _HIPS = joint_pair("hip")
 _KNEES = joint_pair("knee")
@@ -31,7 +29,7 @@ _UPSIDE_DOWN_DEG = 135.0  # least angle of a trunk from up in the picture
 _SIDEWAYS_DEG = 30.0  # largest angle of a trunk from the picture's horizontal
 
 
-def standing_legs(joints: FloatArray, up: FloatArray | None = None) -> NDArray[np.bool_]:
+def standing_legs(joints: FloatArray, up: FloatArray | None = None) -> BoolArray:
     """Return the left and the right leg on which each body stands, (..., 2) bool; see
     :func:`legs_in_line`.
 
@@ -53,7 +51,7 @@ def legs_in_line(
     neck: FloatArray | None = None,
     up: FloatArray | None = None,
     max_deg: float = STANDING_DEG,
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Return which legs are straight, in line with the trunk, and upright: (..., 2) bool, left and
     right.
 
@@ -98,7 +96,7 @@ def lean_deg(joints: FloatArray, floor: Plane, of: Literal["body", "trunk"] = "b
     return 90.0 - float(angle_deg(body, level))
 
 
-def trunk_tilt_deg(joints: FloatArray, up: FloatArray) -> NDArray[np.float64]:
+def trunk_tilt_deg(joints: FloatArray, up: FloatArray) -> Float64Array:
     """Return the angle between each trunk, from pelvis to neck of (..., 55, 3), and an up direction
     (3,), degrees.
     """
@@ -130,7 +128,7 @@ def photo_seems_turned(joints: FloatArray, floor: Plane | None) -> bool:
     return bool(sideways and not lying and standing_legs(people).any(1).all())
 
 
-def angle_deg(first: FloatArray, second: FloatArray) -> NDArray[np.float64]:
+def angle_deg(first: FloatArray, second: FloatArray) -> Float64Array:
     """Return the angles between vectors (..., D), degrees; 90 for a zero vector."""
     one, two = (
         v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12) for v in (first, second)

@@ -26,9 +26,8 @@ from physic_core.errors import OutputError
 from physic_core.files.atomic import atomic_write
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import AnyArray
 
-    AnyArray = NDArray[Any]
 
 _BYTES = 20
 _STARTED = time.time()

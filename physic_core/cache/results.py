@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.interfaces import Backend
-    from physic_core.types import Provenance
+    from physic_core.types import AnyArray, Provenance
 
 _T = TypeVar("_T")
 
@@ -190,7 +190,7 @@ class ResultCache:
             f"{who.interface}-{plain_name(who.backend)}-{name}{self._files.suffix}", parts
         )
 
-    def network_key(self, name: str, made_of: str, inputs: Mapping[str, NDArray[Any]]) -> CacheKey:
+    def network_key(self, name: str, made_of: str, inputs: Mapping[str, AnyArray]) -> CacheKey:
         """Compute the cache key of the outputs of a network; see
         :mod:`physic_core.cache.results`.
         """
@@ -280,9 +280,9 @@ def network_results_in(cache: ResultCache | None) -> Iterator[None]:
 def cached_network_result(
     name: str,
     made_of: str,
-    inputs: Mapping[str, NDArray[Any]],
-    compute: Callable[[], tuple[NDArray[Any], ...]],
-) -> tuple[NDArray[Any], ...]:
+    inputs: Mapping[str, AnyArray],
+    compute: Callable[[], tuple[AnyArray, ...]],
+) -> tuple[AnyArray, ...]:
     """Return the outputs of a network for these inputs from the cache, or compute and keep them.
 
     Args:

@@ -25,12 +25,9 @@ from physic_core.types.observations import LEAST_PROBABILITY, TOUCHED
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from numpy.typing import NDArray
-
     from physic_core.body.model import BodyModel
-    from physic_core.types import FloatArray
+    from physic_core.types import FloatArray, Int64Array
 
-    Ids = NDArray[np.int64]
 
 _DEPTH_SHARE = 0.35  # of a distance along the view that counts
 _REACH_M = 0.5  # largest such distance of parts that touch
@@ -115,10 +112,10 @@ def touch_by_meetings(touch: Tensor, pairs: Iterable[Meeting]) -> Tensor:
 def _likeliest_touch(
     points: FloatArray,
     said: FloatArray,
-    parts: dict[str, Ids],
+    parts: dict[str, Int64Array],
     own: tuple[int, str],
     others: list[int],
-) -> tuple[int, str, float, Ids, Ids, Ids, Ids] | None:
+) -> tuple[int, str, float, Int64Array, Int64Array, Int64Array, Int64Array] | None:
     """Return other person and part, probability, and the vertices that touch, of the part in reach
     that costs least; None without one.
     """
@@ -160,7 +157,7 @@ class _PartInReach(NamedTuple):
 def _parts_in_reach(
     points: FloatArray,
     said: FloatArray,
-    parts: dict[str, Ids],
+    parts: dict[str, Int64Array],
     own: tuple[int, str],
     others: list[int],
     skin: FloatArray,
@@ -198,7 +195,7 @@ def _of_both(one: float, other: float, rate: float) -> float:
     return float(both / (1 + both))
 
 
-def _patch(skin: FloatArray, target: FloatArray) -> tuple[float, Ids, Ids]:
+def _patch(skin: FloatArray, target: FloatArray) -> tuple[float, Int64Array, Int64Array]:
     """Return the distance of skin (n, 3) from a target (m, 3), the vertices (k,) of the skin that
     are hardly farther, and the nearest of the target to each.
     """

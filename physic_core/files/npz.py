@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    from numpy.typing import NDArray
+    from physic_core.types import AnyArray
 
 MAX_ARRAY_BYTES = 1 << 32
 """Maximum size in memory of all arrays of one file, bytes; a damaged header can state any size."""
@@ -74,7 +74,7 @@ def read_headers(stream: IO[bytes], names: Iterable[str] | None = None) -> dict[
 
 def read_arrays(
     stream: IO[bytes], names: Iterable[str] | None = None, *, limit: int | None = None
-) -> dict[str, NDArray[Any]]:
+) -> dict[str, AnyArray]:
     """Read all arrays of a file, or only those in ``names``.
 
     Each array has the size of its member, so that its checksum is verified. ``numpy.load`` stops
@@ -100,7 +100,7 @@ def read_arrays(
 
 
 def write_arrays(
-    path: Path | IO[bytes], arrays: Mapping[str, NDArray[Any]], *, stored: str = ""
+    path: Path | IO[bytes], arrays: Mapping[str, AnyArray], *, stored: str = ""
 ) -> None:
     """Write arrays to an npz file, with fast compression (zlib level 1).
 
@@ -161,10 +161,10 @@ def _parse_header(member: IO[bytes], size: int) -> ArrayHeader:
     return ArrayHeader(dtype, shape)
 
 
-def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
+def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> AnyArray:
     # the data end where the member ends, at which zipfile compares the checksum
     _header(archive, entry)
     with archive.open(entry) as member, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # as in _parse_header
-        array: NDArray[Any] = npy.read_array(member, allow_pickle=False)
+        array: AnyArray = npy.read_array(member, allow_pickle=False)
     return array

@@ -15,7 +15,7 @@ from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from physic_core import types
 from physic_core.files.atomic import atomic_write, open_regular
 from physic_core.files.npz import read_arrays, write_arrays
 from physic_core.files.text import from_json, parse_json, to_json
+
+if TYPE_CHECKING:
+    from physic_core.types import AnyArray
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -66,7 +69,7 @@ def split(value: Any, arrays: Arrays, path: str = "") -> Any:
 def join(
     kind: Any,
     value: Any,
-    arrays: Mapping[str, NDArray[Any]],
+    arrays: Mapping[str, AnyArray],
     *,
     sizes: Mapping[str, int] | None = None,
     named: Iterable[Any] = (),
@@ -148,7 +151,7 @@ class _Join:
     dataclasses.
     """
 
-    arrays: Mapping[str, NDArray[Any]]
+    arrays: Mapping[str, AnyArray]
     sizes: dict[str, int]
     named: tuple[Any, ...]
 
@@ -238,7 +241,7 @@ def _is_tensor(kind: Any) -> bool:
     return getattr(kind, "__module__", "") == "torch" and getattr(kind, "__name__", "") == "Tensor"
 
 
-def _checked(array: NDArray[Any], kinds: Sequence[Any], name: str) -> Any:
+def _checked(array: AnyArray, kinds: Sequence[Any], name: str) -> Any:
     """Return an array if one of the alternative types allows its dtype, as a tensor if one of them
     is Tensor.
     """
@@ -267,8 +270,12 @@ def _hints(kind: type, named: tuple[Any, ...]) -> dict[str, Any]:
     names |= {
         "np": np,
         "NDArray": NDArray,
+        "AnyArray": NDArray[Any],
         "BoolArray": NDArray[np.bool_],
+        "Float32Array": NDArray[np.float32],
+        "Float64Array": NDArray[np.float64],
         "FloatArray": NDArray[np.floating[Any]],
+        "Int64Array": NDArray[np.int64],
         "IntArray": NDArray[np.integer[Any]],
         "UInt8Array": NDArray[np.uint8],
     }

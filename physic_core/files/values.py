@@ -7,12 +7,14 @@ at integers of hundreds of digits.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from physic_core.files.text import quoted
+
+if TYPE_CHECKING:
+    from physic_core.types import Float64Array
 
 
 def number(value: Any, what: str) -> float:
@@ -74,7 +76,7 @@ def entries(value: Any, what: str) -> list[Any]:
     return value or []
 
 
-def matrix(values: Any, what: str) -> NDArray[np.float64]:
+def matrix(values: Any, what: str) -> Float64Array:
     """Return an array of numbers.
 
     Raises:

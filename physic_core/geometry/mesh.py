@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
+    from physic_core.types import AnyArray, Float64Array
+
 _Array = TypeVar("_Array", "NDArray[Any]", "Tensor")
 
 _EQUAL_M = 1e-9  # smaller differences of distances are rounding errors
@@ -41,9 +43,7 @@ def vertex_normals(vertices: _Array, faces: _Array, around: Tensor | None = None
             _doubled_areas_numpy(vertices, faces), faces, vertices.shape[-2]
         )
         length = np.linalg.norm(total, axis=-1, keepdims=True)
-        normals: NDArray[np.float64] = np.divide(
-            total, length, out=np.zeros_like(total), where=length > 0
-        )
+        normals: Float64Array = np.divide(total, length, out=np.zeros_like(total), where=length > 0)
         return normals
     import torch.nn.functional as F
 
@@ -140,14 +140,12 @@ def _sum_at_corners(per_face: Tensor, faces: Tensor, vertices: Tensor) -> Tensor
     return torch.cat(bodies).reshape(*lead, count, columns)
 
 
-def _doubled_areas_numpy(vertices: NDArray[Any], faces: NDArray[Any]) -> NDArray[np.float64]:
+def _doubled_areas_numpy(vertices: AnyArray, faces: AnyArray) -> Float64Array:
     a, b, c = (np.asarray(vertices, np.float64)[..., faces[:, k], :] for k in range(3))
     return np.cross(b - a, c - a)
 
 
-def _sum_at_corners_numpy(
-    per_face: NDArray[np.float64], faces: NDArray[Any], count: int
-) -> NDArray[np.float64]:
+def _sum_at_corners_numpy(per_face: Float64Array, faces: AnyArray, count: int) -> Float64Array:
     *lead, _, columns = per_face.shape
     total = np.empty((math.prod(lead), count, columns))
     corners = np.asarray(faces).T.reshape(-1)

@@ -10,16 +10,18 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
+
+if TYPE_CHECKING:
+    from physic_core.types import Float32Array, Float64Array, Int64Array
+
 
 RayLibrary = Literal["embree", "numpy"]
 
-_Array = NDArray[np.float64]
-_Indices = NDArray[np.int64]
 
 _FAN = 4  # children of a box
 _BLOCK = 1 << 14  # rays walked together, which bounds the memory
@@ -37,9 +39,9 @@ class RayHits:
         barycentric: (n, 3) float64, coordinates in the triangle.
     """
 
-    face: _Indices
-    distance: _Array
-    barycentric: _Array
+    face: Int64Array
+    distance: Float64Array
+    barycentric: Float64Array
 
 
 class RayCaster:
@@ -96,17 +98,19 @@ class RayCaster:
         u, v = uv.T
         return RayHits(face, distance, np.stack([1 - u - v, u, v], axis=1))
 
-    def first_faces(self, origins: ArrayLike, directions: ArrayLike) -> _Indices:
+    def first_faces(self, origins: ArrayLike, directions: ArrayLike) -> Int64Array:
         """Return the first face on each ray, (n,) int64, -1 without a hit: as :meth:`first`,
         faster.
         """
         start, way = _rays(origins, directions)
         if self._tree is not None:
             return self._tree.first(start, way)[0]
-        face: _Indices = self._run(start, way).astype(np.int64)
+        face: Int64Array = self._run(start, way).astype(np.int64)
         return face
 
-    def plane_distance(self, faces: _Indices, origins: _Array, directions: _Array) -> _Array:
+    def plane_distance(
+        self, faces: Int64Array, origins: Float64Array, directions: Float64Array
+    ) -> Float64Array:
         """Return the distance (n,) of rays to the planes of faces (n,), in units of the direction's
         length.
 
@@ -115,29 +119,29 @@ class RayCaster:
         normal = self.normals[faces]
         slope = _dot(normal.T, directions.T)
         height = _dot(normal.T, (self._corner[faces] - origins).T)
-        distance: _Array = np.divide(
+        distance: Float64Array = np.divide(
             height, slope, out=np.full(len(slope), np.inf), where=slope != 0
         )
         return distance
 
-    def _run(self, origins: _Array, directions: _Array, **query: Any) -> Any:
+    def _run(self, origins: Float64Array, directions: Float64Array, **query: Any) -> Any:
         return self._embree[0].run(
             origins.astype(np.float32), directions.astype(np.float32), **query
         )
 
     def _refined(
-        self, face: _Indices, coarse: NDArray[np.float32], start: _Array, way: _Array
-    ) -> _Array:
+        self, face: Int64Array, coarse: Float32Array, start: Float64Array, way: Float64Array
+    ) -> Float64Array:
         """Compute hit distances in float64, except along faces and at tiny faces."""
         # Along a face, and past a tiny one, Embree is more exact than the plane.
         exact = self.plane_distance(face, start, way)
-        close: _Array = np.where(
+        close: Float64Array = np.where(
             np.abs(exact - coarse) <= 1e-3 * (1e-2 + np.abs(coarse)), exact, coarse
         )
         return close
 
 
-def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[_Array, _Array]:
+def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Float64Array, Float64Array]:
     way = np.asarray(directions, np.float64)
     return np.broadcast_to(np.asarray(origins, np.float64), way.shape), way
 
@@ -157,7 +161,7 @@ def _device() -> Any:
     return EmbreeDevice()
 
 
-def _embree_scene(vertices: _Array, faces: _Indices) -> tuple[Any, Any]:
+def _embree_scene(vertices: Float64Array, faces: Int64Array) -> tuple[Any, Any]:
     """Return a scene of Embree and its mesh, which the scene only refers to."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
@@ -177,7 +181,7 @@ class _TriangleTree:
         corners: (F, 3, 3) metres.
     """
 
-    def __init__(self, corners: _Array) -> None:
+    def __init__(self, corners: Float64Array) -> None:
         chosen = np.flatnonzero(np.isfinite(corners).all((1, 2)))
         low = corners[chosen].min(1).T
         high = corners[chosen].max(1).T
@@ -185,7 +189,7 @@ class _TriangleTree:
         margin = _MARGIN * max(float(extent), 1e-30)
         # Triangles that follow each other in the tree are near each other.
         order = cKDTree((low + high).T, leafsize=_FAN).indices
-        self._face: _Indices = chosen[order]
+        self._face: Int64Array = chosen[order]
         self._corners = np.ascontiguousarray(corners[self._face].transpose(1, 2, 0))
         self._levels = [np.concatenate([low[:, order] - margin, high[:, order] + margin])]
         while self._levels[-1].shape[1] > _FAN:
@@ -201,7 +205,9 @@ class _TriangleTree:
                 )
             )
 
-    def first(self, origins: _Array, directions: _Array) -> tuple[_Indices, _Array, _Array]:
+    def first(
+        self, origins: Float64Array, directions: Float64Array
+    ) -> tuple[Int64Array, Float64Array, Float64Array]:
         """Find the first triangle on each ray.
 
         Args:
@@ -231,7 +237,7 @@ class _TriangleTree:
             uv[start + ray] = np.stack([u[chosen], v[chosen]], 1)
         return face, distance, uv
 
-    def _pairs(self, origin: _Array, way: _Array) -> tuple[_Indices, _Indices]:
+    def _pairs(self, origin: Float64Array, way: Float64Array) -> tuple[Int64Array, Int64Array]:
         """Return the pairs of ray and triangle where the ray, a column of (3, n), hits the box of
         the triangle.
         """
@@ -260,8 +266,12 @@ class _TriangleTree:
 
 
 def _intersect(
-    ray: _Indices, triangle: _Indices, origin: _Array, way: _Array, corners: _Array
-) -> tuple[_Indices, _Indices, _Array, _Array, _Array]:
+    ray: Int64Array,
+    triangle: Int64Array,
+    origin: Float64Array,
+    way: Float64Array,
+    corners: Float64Array,
+) -> tuple[Int64Array, Int64Array, Float64Array, Float64Array, Float64Array]:
     """Intersect pairs of rays and triangles (Moeller and Trumbore 1997): pairs that meet,
     distances, coordinates.
     """
@@ -281,9 +291,9 @@ def _intersect(
     return ray[met], triangle[met], along[met], u[met], v[met]
 
 
-def _dot(a: _Array, b: _Array) -> _Array:
+def _dot(a: Float64Array, b: Float64Array) -> Float64Array:
     """Return the dot products (n,) of vectors (3, n), in an order that is the same on every
     processor.
     """
-    total: _Array = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    total: Float64Array = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return total

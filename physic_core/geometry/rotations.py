@@ -6,33 +6,34 @@ Functions take any leading dimensions, and directions need not have unit length.
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-_Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from physic_core.types import Float64Array, FloatArray
+
 
 _TINY = 1e-12
 # Squared sum of opposite unit vectors: below, rounding errs by more than the half turn does.
 _OPPOSITE = 1e-16
 
 
-def unit(vectors: _Array) -> _Array:
+def unit(vectors: Float64Array) -> Float64Array:
     """Normalize vectors (..., 3) to length 1; a zero vector stays zero."""
     length = np.sqrt((vectors * vectors).sum(-1, keepdims=True))
-    scaled: _Array = vectors / np.maximum(length, _TINY)
+    scaled: Float64Array = vectors / np.maximum(length, _TINY)
     return scaled
 
 
-def rotate(rotations: _Array, vectors: _Array) -> _Array:
+def rotate(rotations: Float64Array, vectors: Float64Array) -> Float64Array:
     """Apply rotations (..., 3, 3) to vectors (..., 3)."""
-    product: _Array = (rotations @ vectors[..., None])[..., 0]
+    product: Float64Array = (rotations @ vectors[..., None])[..., 0]
     return product
 
 
-def cross(first: _Array, second: _Array) -> _Array:
+def cross(first: Float64Array, second: Float64Array) -> Float64Array:
     """Return the cross product (..., 3).
 
     ``np.cross`` takes five times as long for a few vectors.
@@ -46,15 +47,15 @@ def cross(first: _Array, second: _Array) -> _Array:
     return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], -1)
 
 
-def rotvec_to_rotmat_numpy(rotvecs: _Array) -> _Array:
+def rotvec_to_rotmat_numpy(rotvecs: Float64Array) -> Float64Array:
     """Convert rotation vectors (..., 3) in radians to matrices (..., 3, 3)."""
-    matrices: _Array = (
+    matrices: Float64Array = (
         Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(*rotvecs.shape, 3)
     )
     return matrices
 
 
-def rotmat_to_rotvec(rotations: _Array) -> _Array:
+def rotmat_to_rotvec(rotations: Float64Array) -> Float64Array:
     """Convert rotation matrices (..., 3, 3) to vectors (..., 3) in radians, of length at most pi.
 
     Matrices that are not finite give NaN.
@@ -69,7 +70,7 @@ def rotmat_to_rotvec(rotations: _Array) -> _Array:
 _NOT_ORTHONORMAL = 0.05  # largest entry of R R' less the unit matrix
 
 
-def check_rotations(matrices: NDArray[np.floating[Any]]) -> None:
+def check_rotations(matrices: FloatArray) -> None:
     """Raise ValueError unless matrices (..., 3, 3) are rotations.
 
     Raises:
@@ -83,13 +84,13 @@ def check_rotations(matrices: NDArray[np.floating[Any]]) -> None:
         )
 
 
-def rotmat_to_quat(rotations: NDArray[np.floating[Any]]) -> _Array:
+def rotmat_to_quat(rotations: FloatArray) -> Float64Array:
     """Convert rotation matrices (..., 3, 3) to unit quaternions (..., 4): x, y, z, w."""
-    quaternions: _Array = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat()
+    quaternions: Float64Array = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat()
     return quaternions.reshape(*rotations.shape[:-2], 4)
 
 
-def rotmat_to_euler(axes: str, rotations: NDArray[np.floating[Any]]) -> _Array:
+def rotmat_to_euler(axes: str, rotations: FloatArray) -> Float64Array:
     """Convert rotation matrices (..., 3, 3) to angles (..., 3) in radians.
 
     Where the first and the third axis coincide, the third angle is 0.
@@ -101,11 +102,11 @@ def rotmat_to_euler(axes: str, rotations: NDArray[np.floating[Any]]) -> _Array:
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Gimbal lock", UserWarning)
-        angles: _Array = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_euler(axes)
+        angles: Float64Array = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_euler(axes)
     return angles.reshape(*rotations.shape[:-2], 3)
 
 
-def slerp(first: _Array, second: _Array, share: _Array | float) -> _Array:
+def slerp(first: Float64Array, second: Float64Array, share: Float64Array | float) -> Float64Array:
     """Interpolate rotations (..., 3, 3) along the shortest arc; share 0 is the first, 1 the second.
 
     Args:
@@ -117,7 +118,7 @@ def slerp(first: _Array, second: _Array, share: _Array | float) -> _Array:
     return first @ rotvec_to_rotmat_numpy(way * np.asarray(share)[..., None])
 
 
-def rotation_between(first: _Array, second: _Array) -> _Array:
+def rotation_between(first: Float64Array, second: Float64Array) -> Float64Array:
     """Return the smallest rotations (..., 3, 3) from the first directions (..., 3) to the second.
 
     Opposite directions give half a turn about any perpendicular axis. The rotation is the product
@@ -134,7 +135,7 @@ def rotation_between(first: _Array, second: _Array) -> _Array:
     # (2 m m^T - 1) (2 a a^T - 1)
     ma = (m * a).sum(-1)[..., None, None]
     outer = 4 * ma * m[..., :, None] * a[..., None, :]
-    turn: _Array = (
+    turn: Float64Array = (
         outer
         - 2 * m[..., :, None] * m[..., None, :]
         - 2 * a[..., :, None] * a[..., None, :]
@@ -143,7 +144,7 @@ def rotation_between(first: _Array, second: _Array) -> _Array:
     return turn
 
 
-def frame_from_axes(along: _Array, beside: _Array) -> _Array:
+def frame_from_axes(along: Float64Array, beside: Float64Array) -> Float64Array:
     """Return right-handed orthonormal frames (..., 3, 3) by Gram-Schmidt.
 
     Column 0 points along the first direction, column 1 along the part of the second that is
@@ -154,18 +155,18 @@ def frame_from_axes(along: _Array, beside: _Array) -> _Array:
     return np.stack([x, y, cross(x, y)], -1)
 
 
-def nearest_rotation(moments: _Array) -> _Array:
+def nearest_rotation(moments: Float64Array) -> Float64Array:
     """Return the rotations R (..., 3, 3) that maximise trace(R^T M), M = sum w target source^T
     (Kabsch 1976).
     """
     left, _, right = np.linalg.svd(moments)
     # Flip the direction of the smallest singular value if the product is a reflection.
     left[..., :, 2] *= np.sign(np.linalg.det(left @ right))[..., None]
-    rotations: _Array = left @ right
+    rotations: Float64Array = left @ right
     return rotations
 
 
-def swing_twist(rotations: _Array, axis: _Array) -> tuple[_Array, _Array]:
+def swing_twist(rotations: Float64Array, axis: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Decompose rotations (..., 3, 3) into ``swing @ twist``, with the twist about ``axis`` (...,
     3).
 

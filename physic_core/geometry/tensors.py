@@ -10,12 +10,12 @@ import numpy as np
 import torch
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import AnyArray
 
 _Record = TypeVar("_Record")
 
 
-def tensor(array: NDArray[Any]) -> torch.Tensor:
+def tensor(array: AnyArray) -> torch.Tensor:
     """Convert an array to a CPU tensor: floats to float32, other types unchanged.
 
     Data is copied only if the type changes or the array is read-only or not contiguous.
@@ -24,12 +24,12 @@ def tensor(array: NDArray[Any]) -> torch.Tensor:
     return torch.from_numpy(np.require(array, kind, ["C", "W"]))
 
 
-def tensors(*arrays: NDArray[Any]) -> tuple[torch.Tensor, ...]:
+def tensors(*arrays: AnyArray) -> tuple[torch.Tensor, ...]:
     """Convert each array as :func:`tensor` does."""
     return tuple(map(tensor, arrays))
 
 
-def optional_tensors(*arrays: NDArray[Any] | None) -> tuple[torch.Tensor | None, ...]:
+def optional_tensors(*arrays: AnyArray | None) -> tuple[torch.Tensor | None, ...]:
     """Convert each array as :func:`tensor` does; None stays None."""
     return tuple(None if array is None else tensor(array) for array in arrays)
 
@@ -42,7 +42,7 @@ def arrays(**named: torch.Tensor) -> dict[str, Any]:
     }
 
 
-def exact_arrays(*given: torch.Tensor) -> tuple[NDArray[Any], ...]:
+def exact_arrays(*given: torch.Tensor) -> tuple[AnyArray, ...]:
     """Convert each tensor to an array on the CPU: floats to float64, other types unchanged."""
     exact = (values.double() if values.is_floating_point() else values for values in given)
     return tuple(values.detach().cpu().numpy() for values in exact)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import Plane
-
-    Matrix = NDArray[np.float64]
+    from physic_core.types import Float64Array, FloatArray, Plane
 
 
-def up_in_camera(floor: Plane | None) -> Matrix:
+def up_in_camera(floor: Plane | None) -> Float64Array:
     """Return the unit up direction (3,) in the camera frame: the floor's normal, else the camera's
     up axis.
     """
@@ -24,7 +20,7 @@ def up_in_camera(floor: Plane | None) -> Matrix:
     return normal / np.linalg.norm(normal)
 
 
-def world_from_camera(floor: Plane | None) -> Matrix:
+def world_from_camera(floor: Plane | None) -> Float64Array:
     """Return the rigid transform (4, 4), metres, from the camera frame to the world frame (x right,
     y up, z backward, as in glTF).
 
@@ -44,10 +40,10 @@ def world_from_camera(floor: Plane | None) -> Matrix:
     return matrix
 
 
-def transform_points(matrix: Matrix, points: NDArray[np.floating[Any]]) -> Matrix:
+def transform_points(matrix: Float64Array, points: FloatArray) -> Float64Array:
     """Apply a rigid transform (4, 4) to points (..., 3)."""
     return np.asarray(points, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def _project_to_plane(axis: Matrix, up: Matrix) -> Matrix:
+def _project_to_plane(axis: Float64Array, up: Float64Array) -> Float64Array:
     return axis - (axis @ up) * up

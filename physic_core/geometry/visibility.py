@@ -27,6 +27,7 @@ from physic_core.geometry.tensors import exact_arrays
 
 if TYPE_CHECKING:
     from physic_core.geometry.mesh import CoarseMesh
+    from physic_core.types import Float64Array, Int64Array
 
 # Least distance of a surface in front of a vertex that hides it: a smaller gap is rounding error.
 _BEHIND_M = 2e-3
@@ -96,7 +97,7 @@ def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]
     return face >= 0, face
 
 
-def _faces_in_front(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+def _faces_in_front(points: Float64Array, triangles: Int64Array) -> Int64Array:
     """Return the face in front of each vertex of a mesh, (V,); -1 for visible ones."""
     distance = np.linalg.norm(points, axis=1)
     rays = points / np.maximum(distance, 1e-9)[:, None]
@@ -254,8 +255,8 @@ def _step_behind_front(caster: RayCaster, points: _Array, rays: _Array, reach: f
 
 
 def _inside_box(
-    caster: RayCaster, origins: _Array, ways: _Array, along: _Array, candidates: NDArray[np.int64]
-) -> tuple[_Array, NDArray[np.int64]]:
+    caster: RayCaster, origins: _Array, ways: _Array, along: _Array, candidates: Int64Array
+) -> tuple[_Array, Int64Array]:
     """Return the places (k, 3) on rays inside the box of a mesh, and their columns (k,).
 
     Args:

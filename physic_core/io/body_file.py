@@ -30,7 +30,7 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from typing import IO
 
-    from physic_core.types import FloatArray, Intrinsics
+    from physic_core.types import Float64Array, FloatArray, Intrinsics
 
 WRONG_FORM = (
     *(ValueError, TypeError, KeyError, AttributeError, IndexError, EOFError, ArithmeticError),
@@ -38,7 +38,6 @@ WRONG_FORM = (
 )
 """What a damaged file, or one of another form than it seems, leads to."""
 
-_Array = NDArray[np.float64]
 _Float = TypeVar("_Float", bound=np.floating[Any])
 
 _FORMAT = "physic_bodies"
@@ -356,14 +355,14 @@ def _mesh(vertices: FloatArray, rest: RestMesh) -> Mesh:
     return Mesh(rest.topology, _single(vertices), rest.faces, _single(rest.vertices))
 
 
-def _turns(record: BodiesInFile) -> _Array:
+def _turns(record: BodiesInFile) -> Float64Array:
     """Return the rotation vectors (N, 55, 3) of a record; joints that lack are at rest."""
     given = np.asarray(record.rotations, np.float64)
     flat = with_columns_of_zeros(given.reshape(len(given), -1), 3 * NUM_JOINTS)
     return flat.reshape(-1, NUM_JOINTS, 3)
 
 
-def _posed_smpl(record: BodiesInFile, turns: _Array, file: str) -> _Posed:
+def _posed_smpl(record: BodiesInFile, turns: Float64Array, file: str) -> _Posed:
     """Pose SMPL or SMPL-H by vectors (N, 55, 3) of SMPL-X's joints."""
     from physic_core.body.files import SMPL, SMPLH, load_smpl
 
@@ -386,7 +385,7 @@ def _posed_smpl(record: BodiesInFile, turns: _Array, file: str) -> _Posed:
     return joints, model.vertices(*given), model.rest, None
 
 
-def _posed_smplx(record: BodiesInFile, turns: _Array, file: str) -> _Posed:
+def _posed_smplx(record: BodiesInFile, turns: Float64Array, file: str) -> _Posed:
     """Pose SMPL-X by vectors (N, 55, 3)."""
     import torch
 
@@ -414,7 +413,7 @@ def _posed_smplx(record: BodiesInFile, turns: _Array, file: str) -> _Posed:
     return posed.joints.numpy(), posed.vertices.numpy(), rest_mesh_of_model(model), parameters
 
 
-def _mean_hands(model_file: str) -> _Array:
+def _mean_hands(model_file: str) -> Float64Array:
     """Return the mean rotation vectors (30, 3) of both hands of a SMPL-X file."""
     with open_regular(Path(model_file)) as stream:
         found = read_arrays(stream, ["hands_meanl", "hands_meanr"])

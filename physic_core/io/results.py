@@ -50,7 +50,7 @@ from physic_core.types import (
 from physic_core.types.tables import person_rows
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import AnyArray, Float32Array, UInt8Array
 
 SCHEMA_VERSION = 9
 """Version of documents that are written and read."""
@@ -185,7 +185,7 @@ def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
     return result
 
 
-def load_people(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
+def load_people(folder: str | os.PathLike[str]) -> dict[str, AnyArray]:
     """Read the arrays of a result but those of photo and scene, whatever was saved.
 
     Returns:
@@ -200,7 +200,7 @@ def load_people(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     return {name: array for name, array in arrays.items() if not name.startswith(_OF_SCENE)}
 
 
-def read_image(folder: str | os.PathLike[str]) -> NDArray[np.uint8] | None:
+def read_image(folder: str | os.PathLike[str]) -> UInt8Array | None:
     """Read the image (H, W, 3) uint8 of a result alone; None if it was saved without.
 
     Raises:
@@ -329,7 +329,7 @@ def damaged(path: Path, error: Exception) -> InputError:
 
 def _check_indices(result: Reconstruction) -> None:
     """Raise ValueError if faces or contacts name a vertex or a partner that is not there."""
-    limits: dict[str, tuple[NDArray[Any], int, int]] = {}
+    limits: dict[str, tuple[AnyArray, int, int]] = {}
     if result.people:
         limits["faces"] = result.faces, 0, len(result.people[0].vertices)
     for index, person in enumerate(result.people):
@@ -384,20 +384,20 @@ def _expanded(arrays: Arrays, camera: Intrinsics) -> Arrays:
     return expanded
 
 
-def _on_grid(metres: NDArray[Any]) -> NDArray[np.float32]:
+def _on_grid(metres: AnyArray) -> Float32Array:
     return (np.round(metres.astype(np.float64) * _STEPS_PER_METRE) / _STEPS_PER_METRE).astype(
         np.float32
     )
 
 
-def _round_mantissa(values: NDArray[Any]) -> NDArray[np.float32]:
+def _round_mantissa(values: AnyArray) -> Float32Array:
     drop = np.uint32(23 - _DEPTH_BITS)
     bits = np.ascontiguousarray(values, np.float32).view(np.uint32)
     rounded = ((bits + (np.uint32(1) << (drop - np.uint32(1)))) >> drop << drop).view(np.float32)
     return np.where(np.isfinite(values), rounded, values)
 
 
-def _rays(camera: Intrinsics) -> NDArray[np.float32]:
+def _rays(camera: Intrinsics) -> Float32Array:
     """Return the rays (H, W, 3) of the pixels, with z = 1."""
     x, y = np.meshgrid(
         (np.arange(camera.width) - camera.cx) / camera.fx,

@@ -9,9 +9,8 @@ import numpy as np
 from PIL import ExifTags, Image
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import Float32Array, UInt8Array
 
-    from physic_core.types import UInt8Array
 
 _OFFSET, _LENGTH = 0x0201, 0x0202  # tags of its JPEG
 _HEAD = b"Exif\0\0"
@@ -55,7 +54,7 @@ def was_encoded_anew(image: Image.Image) -> bool:
     return "jfif" in image.info or bool(getattr(thumbnail, "applist", ()))
 
 
-def _resized(grey: NDArray[np.uint8], factor: float) -> NDArray[np.float32]:
+def _resized(grey: UInt8Array, factor: float) -> Float32Array:
     import cv2
 
     width, height = (max(8, round(side * factor)) for side in grey.shape[::-1])
@@ -63,7 +62,7 @@ def _resized(grey: NDArray[np.uint8], factor: float) -> NDArray[np.float32]:
     return np.asarray(resized, np.float32)
 
 
-def _correlation(whole: NDArray[np.float32], part: NDArray[np.float32]) -> float:
+def _correlation(whole: Float32Array, part: Float32Array) -> float:
     """Return the largest correlation of a part with a place in the whole."""
     import cv2
 
@@ -86,7 +85,7 @@ def _open_thumbnail(image: Image.Image) -> Image.Image | None:
     return thumbnail
 
 
-def _without_bars(grey: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
+def _without_bars(grey: UInt8Array) -> UInt8Array | None:
     """Return the grey thumbnail (h, w) without black bars; None if it is black."""
     lit = grey > _BLACK
     rows, columns = (np.flatnonzero(lit.mean(axis) > 0.1) for axis in (1, 0))

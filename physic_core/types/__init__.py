@@ -105,8 +105,12 @@ from physic_core.types.skeletons import (
 from physic_core.types.tables import PERSON_COLUMNS, SUMMARY_COLUMNS, marks_of_row, person_rows
 
 if TYPE_CHECKING:
+    from physic_core.types.arrays import AnyArray as AnyArray
     from physic_core.types.arrays import BoolArray as BoolArray
+    from physic_core.types.arrays import Float32Array as Float32Array
+    from physic_core.types.arrays import Float64Array as Float64Array
     from physic_core.types.arrays import FloatArray as FloatArray
+    from physic_core.types.arrays import Int64Array as Int64Array
     from physic_core.types.arrays import IntArray as IntArray
     from physic_core.types.arrays import UInt8Array as UInt8Array
 

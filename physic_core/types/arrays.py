@@ -15,9 +15,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    AnyArray = NDArray[Any]
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating[Any]]
+    Float32Array = NDArray[np.float32]
+    Float64Array = NDArray[np.float64]
     IntArray = NDArray[np.integer[Any]]
+    Int64Array = NDArray[np.int64]
     UInt8Array = NDArray[np.uint8]
 
 _Record = TypeVar("_Record")

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from physic_core.types.arrays import BoolArray, FloatArray, UInt8Array
+    from physic_core.types.arrays import BoolArray, Float64Array, FloatArray, UInt8Array
     from physic_core.types.bodies import BodyParameters
     from physic_core.types.camera import Intrinsics, Lens
     from physic_core.types.contacts import BodyContact, ContactPartner, Support
@@ -350,22 +350,22 @@ class Reconstruction(ShortRepr):
         return self.scene.floor
 
     @property
-    def world_from_camera(self) -> NDArray[np.float64]:
+    def world_from_camera(self) -> Float64Array:
         """Rigid transform (4, 4), meters, from camera frame to world frame: x right, y up,
         z backward, the floor at y = 0, its origin below the camera. Exports with y up are in it.
 
         Without a floor, the origin is the camera, and y is ``scene.up``, or the camera's up axis if
         that is not known either.
         """
-        matrix: NDArray[np.float64] = DOORS["world"]()(self.scene.level)
+        matrix: Float64Array = DOORS["world"]()(self.scene.level)
         return matrix
 
-    def in_world(self, points: FloatArray) -> NDArray[np.float64]:
+    def in_world(self, points: FloatArray) -> Float64Array:
         """Return points (..., 3) of the camera's frame in the world frame, meters: the second
         coordinate is the height over the floor.
         """
         matrix = self.world_from_camera
-        moved: NDArray[np.float64] = points @ matrix[:3, :3].T + matrix[:3, 3]
+        moved: Float64Array = points @ matrix[:3, :3].T + matrix[:3, 3]
         return moved
 
     @property

@@ -15,7 +15,7 @@ from physic_networks.checkouts import Checkout
 from physic_networks.networks import WEIGHTS_HELP, TorchBackend
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import BoolArray, UInt8Array
 
 HOMEPAGE = "https://github.com/PRIS-CV/Omnieraser"
 COMMIT = "2d2ffac1f0b4ebb5ca56fba0fee7c9c9ba65840b"
@@ -153,7 +153,7 @@ class OmniEraser(TorchBackend, Inpainter):
         """Return the identity of LoRA and checkout."""
         return f"{super().fingerprint()} {self._checkout.fingerprint()}"
 
-    def infer(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay
         identical.
 
@@ -167,7 +167,7 @@ class OmniEraser(TorchBackend, Inpainter):
         self.network  # noqa: B018 -- raises an error if it is not loaded
         return inpaint_masked(image, mask, 0.0, self._fill)
 
-    def _fill(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    def _fill(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Run the pipeline on the photo, squashed to the network's square and back."""
         import torch
         from PIL import Image

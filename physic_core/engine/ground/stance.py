@@ -6,7 +6,7 @@ What the person observer says of a part decides.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,9 +21,7 @@ from physic_core.types.observations import LEAST_PROBABILITY, TOUCH_PARTS, TOUCH
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import BoolArray, FloatArray, Observations
+    from physic_core.types import AnyArray, BoolArray, FloatArray, Observations
 
 WORLD = TOUCHED.index("world")
 OBJECT = TOUCHED.index("object")
@@ -118,7 +116,7 @@ class Stance(ShortRepr):
         feet.
         """
 
-        def wider(array: NDArray[Any], empty: FloatArray | float = np.nan) -> NDArray[Any]:
+        def wider(array: AnyArray, empty: FloatArray | float = np.nan) -> AnyArray:
             wide = np.full((len(rows), *array.shape[1:]), empty, array.dtype)
             wide[rows] = array
             return wide

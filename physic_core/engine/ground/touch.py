@@ -14,18 +14,18 @@ import json
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.special import expit, logit, softmax
 from torch import Tensor
 
 from physic_core.engine.body_parts import OBSERVED
 from physic_core.types.observations import TOUCH_PARTS, TOUCHED
 
-FloatArray = NDArray[np.floating[Any]]
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray
 
 
 def touch_probability(evidence: FloatArray) -> FloatArray:

@@ -21,12 +21,10 @@ from physic_core.geometry.tensors import exact_arrays, tensor
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.body.model import BodyModel
     from physic_core.engine.sizes.scale_vote import ScaleVote
     from physic_core.geometry.floor import PlaneFit
-    from physic_core.types import BoolArray, DepthMap, FloatArray, Intrinsics, Pointmap
+    from physic_core.types import BoolArray, DepthMap, FloatArray, Int64Array, Intrinsics, Pointmap
 
 KNOWN_SIZE_SIGMA = 0.002
 """Expected error of the logarithm of a known size; 1 % off costs 25, as much as ten keypoints on a
@@ -210,7 +208,7 @@ _ERODED_SHARE = 0.004
 
 def _scale_by_torso(
     body: FloatArray,
-    faces: NDArray[np.int64],
+    faces: Int64Array,
     torso: BoolArray,
     mask: BoolArray,
     photo: Pointmap,
@@ -247,7 +245,7 @@ def _scale_by_torso(
 _RAYS = 4000  # largest number of sampled pixels
 
 
-def _sampled_pixels(mask: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _sampled_pixels(mask: BoolArray) -> tuple[Int64Array, Int64Array]:
     """Return rows and columns (n,) of at most :data:`_RAYS` pixels of a mask (H, W), evenly
     spaced.
     """

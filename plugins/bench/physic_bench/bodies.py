@@ -17,12 +17,8 @@ from physic_core.body import ROTATION_FIELDS
 from physic_core.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.body import BodyModel
-    from physic_core.types import RestMesh
-
-    Array = NDArray[np.float64]
+    from physic_core.types import BoolArray, Float64Array, RestMesh
 
 
 @dataclass(frozen=True)
@@ -84,7 +80,7 @@ class BodyFiles:
 
     def pose_smplx(
         self, parameters: Mapping[str, Any], gender: str = "neutral"
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Float64Array, Float64Array]:
         """Pose SMPL-X.
 
         Args:
@@ -121,7 +117,7 @@ class BodyFiles:
             out = model(*(torch.from_numpy(np.asarray(a, np.float32))[None] for a in inputs))
         return out.vertices[0].double().numpy(), out.joints[0].double().numpy()
 
-    def transfer(self, values: Array, source: str, target: str) -> Array | None:
+    def transfer(self, values: Float64Array, source: str, target: str) -> Float64Array | None:
         """Return values (V_source, C) at the vertices of another mesh (V_target, C), or None
         if they cannot be transferred.
 
@@ -132,9 +128,7 @@ class BodyFiles:
         transfer = _vertex_transfer(self, source, target)
         return None if transfer is None else transfer(values)
 
-    def transfer_contact(
-        self, contact: NDArray[np.bool_], source: str, target: str
-    ) -> NDArray[np.bool_] | None:
+    def transfer_contact(self, contact: BoolArray, source: str, target: str) -> BoolArray | None:
         """Return contact (V_source,) at the vertices of another mesh: a vertex touches if most of
         its triangle does.
         """
@@ -142,7 +136,7 @@ class BodyFiles:
         return None if carried is None else carried[:, 0] >= 0.5
 
 
-def _pose(parameters: Mapping[str, Any], name: str, size: int, path: Path) -> Array:
+def _pose(parameters: Mapping[str, Any], name: str, size: int, path: Path) -> Float64Array:
     """Return a rotation vector of each joint, as one array."""
     rotations = np.ravel(parameters.get(name, np.zeros(size)))
     if "hand" in name and 6 <= rotations.size <= 24:
@@ -164,7 +158,7 @@ def _pose(parameters: Mapping[str, Any], name: str, size: int, path: Path) -> Ar
     return checked_numbers(rotations, (size,), name)
 
 
-def _first_ten(parameters: Mapping[str, Any], name: str) -> Array:
+def _first_ten(parameters: Mapping[str, Any], name: str) -> Float64Array:
     """Return the first ten numbers of a parameter; zeros follow if it has fewer."""
     values = checked_numbers(parameters.get(name, np.zeros(10)), (-1,), name)[:10]
     return np.pad(values, (0, 10 - len(values)))
@@ -178,7 +172,9 @@ def _model(source: str) -> BodyModel:
 
 
 @lru_cache(maxsize=8)
-def _vertex_transfer(files: BodyFiles, source: str, target: str) -> Callable[[Array], Array] | None:
+def _vertex_transfer(
+    files: BodyFiles, source: str, target: str
+) -> Callable[[Float64Array], Float64Array] | None:
     """Return what carries values from one mesh to another; found once, half a second each."""
     from scipy.spatial import KDTree
 

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from physic_core.types import Float64Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,38 +25,38 @@ class Camera:
             picture, which has the same K.
     """
 
-    K: Array
+    K: Float64Array
     width: int
     height: int
-    R: Array = field(default_factory=lambda: np.eye(3))
-    t: Array = field(default_factory=lambda: np.zeros(3))
+    R: Float64Array = field(default_factory=lambda: np.eye(3))
+    t: Float64Array = field(default_factory=lambda: np.zeros(3))
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
-    def project(self, points: Array) -> Array:
+    def project(self, points: Float64Array) -> Float64Array:
         """(..., 2) px of (..., 3) m of the world; NaN behind the camera."""
         inside = points @ self.R.T + self.t
         with np.errstate(invalid="ignore"):
             depth = np.where(inside[..., 2:] > 1e-6, inside[..., 2:], np.nan)
-        pixels: Array = (inside / depth) @ self.K[:2].T
+        pixels: Float64Array = (inside / depth) @ self.K[:2].T
         return pixels
 
-    def to_camera(self, points: Array) -> Array:
+    def to_camera(self, points: Float64Array) -> Float64Array:
         """(..., 3) m of the world, in this camera's frame."""
-        moved: Array = points @ self.R.T + self.t
+        moved: Float64Array = points @ self.R.T + self.t
         return moved
 
-    def to_world(self, points: Array) -> Array:
+    def to_world(self, points: Float64Array) -> Float64Array:
         """(..., 3) m of this camera's frame, in the world's."""
-        moved: Array = (points - self.t) @ self.R
+        moved: Float64Array = (points - self.t) @ self.R
         return moved
 
 
-def project(points: Array, K: Array) -> Array:
+def project(points: Float64Array, K: Float64Array) -> Float64Array:
     """Return the pixels (n, 2) of points (n, 3) m of the camera frame; NaN behind the camera."""
     return Camera(np.asarray(K, np.float64), 0, 0).project(points)
 
 
-def box_of_points(pixels: Array) -> Array:
+def box_of_points(pixels: Float64Array) -> Float64Array:
     """Return the box (4,) px around the known pixels; an empty one if most are unknown."""
     finite = pixels[np.isfinite(pixels).all(-1)]
     if 2 * len(finite) < len(pixels) or len(finite) < 2:

@@ -8,14 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_bench.cameras import Camera
+    from physic_core.types import AnyArray
 
-    Array = NDArray[Any]
 
 TOPOLOGY_OF_COUNT: Mapping[int, str] = {
     6890: "smpl",
@@ -48,8 +46,8 @@ class Surface:
         faces: (F, 3) int64, counter-clockwise seen from outside.
     """
 
-    vertices: Array
-    faces: Array
+    vertices: AnyArray
+    faces: AnyArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +67,12 @@ class BenchPerson:
     """
 
     name: str = "0"
-    joints: Array | None = None
+    joints: AnyArray | None = None
     joint_names: tuple[str, ...] = ()
     joint_source: str = ""
-    vertices: Array | None = None
+    vertices: AnyArray | None = None
     topology: str = ""
-    contact: Array | None = None
+    contact: AnyArray | None = None
     contact_topology: str = ""
     marks: Mapping[str, float | None] = field(default_factory=dict)
 
@@ -92,8 +90,8 @@ class Truth:
     """
 
     people: tuple[BenchPerson, ...] = ()
-    scene: Surface | Callable[[Array], Array] | None = None
-    up: Array | None = None
+    scene: Surface | Callable[[AnyArray], AnyArray] | None = None
+    up: AnyArray | None = None
     camera_height: float = float("nan")
 
 
@@ -130,5 +128,5 @@ class Prediction:
     """
 
     people: tuple[BenchPerson, ...]
-    K: Array | None = None
-    floor: Array | None = None
+    K: AnyArray | None = None
+    floor: AnyArray | None = None

@@ -22,9 +22,8 @@ from physic_testing.metrics import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import Float64Array
 
-    Array = NDArray[np.float64]
     Record = Mapping[str, Any]
 
 
@@ -58,7 +57,7 @@ class Column:
     label: str
     definition: str
     sums: Callable[[Record], Sequence[float] | None]
-    value: Callable[[Array], Array]
+    value: Callable[[Float64Array], Float64Array]
     digits: int = 1
     better: str = "low"
 
@@ -88,13 +87,13 @@ def _known_value(record: Record, key: str) -> Sequence[float] | None:
     )
 
 
-def _ratio(top: Array, bottom: Array) -> Array:
+def _ratio(top: Float64Array, bottom: Float64Array) -> Float64Array:
     """Return top / bottom; NaN where the bottom is 0."""
-    ratio: Array = np.where(bottom > 0, top / np.where(bottom > 0, bottom, 1.0), np.nan)
+    ratio: Float64Array = np.where(bottom > 0, top / np.where(bottom > 0, bottom, 1.0), np.nan)
     return ratio
 
 
-def _mean(sums: Array) -> Array:
+def _mean(sums: Float64Array) -> Float64Array:
     return _ratio(sums[..., 0], sums[..., 1])
 
 
@@ -133,7 +132,7 @@ def _contact_sums(
     return (*map(float, scores), *map(float, counted), 1.0)
 
 
-def _contact_value(sums: Array, figure: str) -> Array:
+def _contact_value(sums: Float64Array, figure: str) -> Float64Array:
     precision, recall, f1 = (_ratio(sums[..., k], sums[..., 6]) for k in range(3))
     if figure == "f1_pooled":
         return _ratio(2 * sums[..., 3], 2 * sums[..., 3] + sums[..., 4] + sums[..., 5])
@@ -167,7 +166,7 @@ def difference(
     groups = _groups([*first, *second])
     (one, count, several), (two, _, _) = (_group_sums(records, column, groups) for records in kept)
 
-    def apart(sums: Array) -> Array:
+    def apart(sums: Float64Array) -> Float64Array:
         half = sums.shape[-1] // 2
         return column.value(sums[..., half:]) - column.value(sums[..., :half])
 
@@ -185,7 +184,7 @@ def _groups(records: Sequence[Record]) -> dict[str, int]:
 
 def _group_sums(
     records: Sequence[Record], column: Column, groups: Mapping[str, int]
-) -> tuple[Array, int, int]:
+) -> tuple[Float64Array, int, int]:
     """Return the sums (G, k) of the groups, the number of records with a value, and that of their
     groups.
     """
@@ -202,7 +201,11 @@ def _group_sums(
 
 
 def _with_interval(
-    total: Array, draws: Array, value: Callable[[Array], Array], count: int, groups: int
+    total: Float64Array,
+    draws: Float64Array,
+    value: Callable[[Float64Array], Float64Array],
+    count: int,
+    groups: int,
 ) -> ValueWithInterval:
     """Return a figure; one group has no interval."""
     low, high = percentile_interval(draws) if groups > 1 else (np.nan, np.nan)

@@ -16,12 +16,10 @@ from physic_core.errors import InputError, PhysicError
 from physic_core.files import check_regular, parse_json, path_to_write, read_text
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from PIL.Image import Image
 
     from physic_bench.contract import Frame
-
-    Array = NDArray[np.float64]
+    from physic_core.types import Float64Array, UInt8Array
 
 
 _MAX_JSON_BYTES = 1 << 28
@@ -55,7 +53,7 @@ def naming_file_in_errors(path: Path) -> Iterator[None]:
         ) from error
 
 
-def checked_numbers(values: Any, shape: tuple[int, ...], what: str) -> Array:
+def checked_numbers(values: Any, shape: tuple[int, ...], what: str) -> Float64Array:
     """Return finite float64 numbers of a shape; -1 is any length.
 
     Raises:
@@ -72,7 +70,7 @@ def checked_numbers(values: Any, shape: tuple[int, ...], what: str) -> Array:
         ) from error
 
 
-def checked_rotation(values: Any, what: str) -> Array:
+def checked_rotation(values: Any, what: str) -> Float64Array:
     """Return a rotation (3, 3).
 
     Raises:
@@ -197,7 +195,7 @@ def picture_file(frame: Frame, folder: Path) -> Path:
     return path
 
 
-def write_picture(path: Path, pixels: NDArray[np.uint8]) -> None:
+def write_picture(path: Path, pixels: UInt8Array) -> None:
     """Write a picture (H, W, 3) RGB as PNG; one that shows the same stays as it is.
 
     Raises:
@@ -219,7 +217,7 @@ def write_picture(path: Path, pixels: NDArray[np.uint8]) -> None:
         Image.fromarray(pixels).save(temporary(path.name), format="PNG")
 
 
-def _pixels(picture: Picture) -> NDArray[np.uint8]:
+def _pixels(picture: Picture) -> UInt8Array:
     """Return the pixels (H, W, 3) RGB, upright."""
     with open_picture(picture.path) as file:
         pixels = np.array(file.convert("RGB"))

@@ -18,11 +18,9 @@ from physic_core.errors import InputError
 from physic_testing.metrics import PROXIMITY_RADIUS_M
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_bench.contract import Surface
+    from physic_core.types import BoolArray, Float64Array, Int64Array
 
-    Array = NDArray[np.float64]
 
 MIN_EDGE_M = 0.02
 MAX_EDGE_M = 0.1
@@ -55,8 +53,8 @@ class SceneIndex:
         tree: of the centres.
     """
 
-    corners: Array
-    normals: Array
+    corners: Float64Array
+    normals: Float64Array
     radius: float
     tree: Any
 
@@ -91,7 +89,9 @@ class SceneIndex:
         radius = float(np.linalg.norm(corners - centres[:, None], axis=-1).max())
         return cls(corners, normals, radius, KDTree(centres))
 
-    def signed_distance(self, points: Array, reach: float = PROXIMITY_RADIUS_M) -> Array:
+    def signed_distance(
+        self, points: Float64Array, reach: float = PROXIMITY_RADIUS_M
+    ) -> Float64Array:
         """Return the signed distance (N,) m of points (N, 3), negative behind the surface; inf
         beyond ``reach``.
         """
@@ -112,8 +112,8 @@ class SceneIndex:
         return np.where(np.abs(answer) <= reach, answer, np.inf)
 
     def _nearest(
-        self, points: Array, point: NDArray[np.int64], triangle: NDArray[np.int64]
-    ) -> Array:
+        self, points: Float64Array, point: Int64Array, triangle: Int64Array
+    ) -> Float64Array:
         """Return the signed distance (N,) of points to the nearest of their triangles, of pairs
         (P,) of both.
         """
@@ -133,14 +133,14 @@ class SceneIndex:
         return least
 
 
-def contact_by_rule(distance: Array, threshold_m: float) -> NDArray[np.bool_]:
+def contact_by_rule(distance: Float64Array, threshold_m: float) -> BoolArray:
     """Return which vertices touch: within a threshold of the scene, or inside it by at most 15 cm.
 
     Args:
         distance: (...,) m, signed, negative inside.
         threshold_m: 0.02 in the released code of PhySIC, 0.05 in POSA.
     """
-    is_contact: NDArray[np.bool_] = (np.abs(distance) <= threshold_m) | (
+    is_contact: BoolArray = (np.abs(distance) <= threshold_m) | (
         (distance < 0) & (distance >= -PROXIMITY_RADIUS_M)
     )
     return is_contact

@@ -29,17 +29,14 @@ from physic_testing.metrics import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from scipy.sparse import csr_array
 
     from physic_bench.bodies import BodyFiles
     from physic_bench.contract import BenchPerson, Frame, Prediction, Surface, Truth
-    from physic_core.types import BoolArray, FloatArray
+    from physic_core.types import BoolArray, Float64Array, FloatArray
 
-    Array = NDArray[np.float64]
-    Bools = NDArray[np.bool_]
     Record = dict[str, Any]
-    Contacts = Mapping[str, tuple[Bools, str]]
+    Contacts = Mapping[str, tuple[BoolArray, str]]
 
 LIMB_JOINTS = tuple(
     f"{side}_{name}"
@@ -258,7 +255,9 @@ def common_joints(predicted: BenchPerson, person: BenchPerson) -> tuple[str, ...
     )
 
 
-def true_contacts(frame: Frame, truth: Truth, person: BenchPerson) -> dict[str, tuple[Bools, str]]:
+def true_contacts(
+    frame: Frame, truth: Truth, person: BenchPerson
+) -> dict[str, tuple[BoolArray, str]]:
     """Return contact truth by its name ("annotated", "2 cm"): (V,) bool and the mesh that it is
     on.
     """
@@ -300,7 +299,7 @@ def contact_errors(
     return record
 
 
-def _counts(predicted: Bools, truth: Bools) -> dict[str, int]:
+def _counts(predicted: BoolArray, truth: BoolArray) -> dict[str, int]:
     return {name: int(value) for name, value in vars(contact_counts(predicted, truth)).items()}
 
 
@@ -333,7 +332,7 @@ def _floor_errors(truth: Truth, prediction: Prediction) -> Record:
     }
 
 
-def _rows(person: BenchPerson, wanted: Sequence[str]) -> Array:
+def _rows(person: BenchPerson, wanted: Sequence[str]) -> Float64Array:
     return np.asarray(person.joints, np.float64)[
         [person.joint_names.index(name) for name in wanted]
     ]
@@ -347,7 +346,9 @@ def _no_transfer_text(what: str, source: str, target: str) -> str:
     )
 
 
-def _distance(frame: Frame, scene: Surface | Callable[[Array], Array], points: Array) -> Array:
+def _distance(
+    frame: Frame, scene: Surface | Callable[[Float64Array], Float64Array], points: Float64Array
+) -> Float64Array:
     """Return the signed distance (N,) m of points (N, 3) of the camera frame to a scene."""
     if callable(scene):
         return scene(points)
@@ -365,7 +366,7 @@ def _graph_of(files: BodyFiles, topology: str) -> csr_array | None:
     return None if rest is None else surface_graph(rest.vertices, rest.faces)
 
 
-def body_box(person: BenchPerson, K: Array) -> Array:
+def body_box(person: BenchPerson, K: Float64Array) -> Float64Array:
     """Return the box (4,) px around a projected body, or around its joints; an empty one if most of
     it is unknown.
     """

@@ -41,9 +41,8 @@ from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, 
 if TYPE_CHECKING:
     from physic_core.body import BodyModel
     from physic_core.conversion import VertexTransfer
+    from physic_core.types import BoolArray, Float64Array
 
-_Array = NDArray[np.float64]
-_Bools = NDArray[np.bool_]
 _Numbers = TypeVar("_Numbers", bound=np.floating[Any])
 
 _SHARED = ("embedded", "smpl", "smplx")
@@ -103,10 +102,10 @@ def _converted(bodies: Bodies, model: BodyModel) -> ConvertedBodies:
 def _fit(
     bodies: Bodies,
     model: BodyModel,
-    joints: _Array,
+    joints: Float64Array,
     mesh: Mesh | None,
-    rows: _Bools,
-) -> tuple[BodyFit, _Array | None]:
+    rows: BoolArray,
+) -> tuple[BodyFit, Float64Array | None]:
     """Return the fits to chosen people's meshes, with mean distances, or to their joints."""
     if not rows.any():
         none = np.zeros((0, NUM_JOINTS, 3, 3)), np.zeros((0, model.num_betas)), np.zeros((0, 3))
@@ -120,7 +119,7 @@ def _fit(
     return fit_joints(BoneOffsets.of(model), joints[rows], world), None
 
 
-def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[_Array, Mesh | None]:
+def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[Float64Array, Mesh | None]:
     """Return the joints (N, 55, 3), NaN where unknown, and the mesh if it has a known
     correspondence.
 
@@ -142,7 +141,7 @@ def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[_Array, Mesh | N
     return joints.astype(np.float64), mesh
 
 
-def _fit_to_surface(model: BodyModel, mesh: Mesh) -> tuple[BodyFit, _Array]:
+def _fit_to_surface(model: BodyModel, mesh: Mesh) -> tuple[BodyFit, Float64Array]:
     """Fit the model to posed meshes; return the fit and the mean distance (N,) in metres."""
     ids = sample_vertices(model)
     patches = SampledBodyModel.of(model, ids)
@@ -164,7 +163,7 @@ def _fit_to_surface(model: BodyModel, mesh: Mesh) -> tuple[BodyFit, _Array]:
     )
 
 
-def _fit_to_parameters(fit: BodyFit, model: BodyModel, rows: _Bools) -> BodyParameters:
+def _fit_to_parameters(fit: BodyFit, model: BodyModel, rows: BoolArray) -> BodyParameters:
     """Convert a fit to parameters of all people, NaN for those that were not fitted."""
     some = parameters_from_rotations(
         torch.from_numpy(rotations_from_parents(fit.world)),
@@ -175,7 +174,7 @@ def _fit_to_parameters(fit: BodyFit, model: BodyModel, rows: _Bools) -> BodyPara
     return BodyParameters(**{name: _spread_rows(value, rows) for name, value in vars(some).items()})
 
 
-def _spread_rows(values: NDArray[_Numbers], rows: _Bools) -> NDArray[_Numbers]:
+def _spread_rows(values: NDArray[_Numbers], rows: BoolArray) -> NDArray[_Numbers]:
     """Insert values into the selected rows of a NaN array."""
     rows_of_all: NDArray[_Numbers] = np.full((len(rows), *values.shape[1:]), np.nan, values.dtype)
     rows_of_all[rows] = values

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from physic_convert.joint_fit import BodyFit
@@ -27,9 +26,8 @@ from physic_core.geometry import cross, exact_arrays, rotation_between, unit, ve
 
 if TYPE_CHECKING:
     from physic_core.body import BodyModel
-    from physic_core.types import RestMesh
+    from physic_core.types import BoolArray, Float64Array, FloatArray, Int64Array, RestMesh
 
-_Array = NDArray[np.float64]
 
 _NORMAL_M = 0.05
 """Distance in metres that counts as much as one radian between normals."""
@@ -54,10 +52,10 @@ class SurfacePoints:
         facing: (n,) cosine between the normals.
     """
 
-    face: NDArray[np.int64]
-    shares: _Array
-    distance: _Array
-    facing: _Array
+    face: Int64Array
+    shares: Float64Array
+    distance: Float64Array
+    facing: Float64Array
 
 
 class SurfaceIndex:
@@ -72,14 +70,14 @@ class SurfaceIndex:
         faces: (F, 3).
     """
 
-    def __init__(self, vertices: _Array, faces: NDArray[np.int64]) -> None:
+    def __init__(self, vertices: Float64Array, faces: Int64Array) -> None:
         self.faces = faces
         self.corners = vertices[faces]
         a, b, c = (self.corners[:, k] for k in range(3))
         self.normals = unit(cross(b - a, c - a))
         self._tree = cKDTree(np.concatenate([self.corners.mean(1), _NORMAL_M * self.normals], 1))
 
-    def nearest(self, points: _Array, normals: _Array) -> SurfacePoints:
+    def nearest(self, points: Float64Array, normals: Float64Array) -> SurfacePoints:
         """Find the nearest surface points for ``points`` (n, 3) with unit ``normals`` (n, 3)."""
         from trimesh.triangles import closest_point, points_to_barycentric
 
@@ -110,11 +108,11 @@ class Correspondence:
             one.
     """
 
-    corners: NDArray[np.int64]
-    shares: _Array
-    sure: NDArray[np.bool_]
+    corners: Int64Array
+    shares: Float64Array
+    sure: BoolArray
 
-    def interpolate(self, values: NDArray[np.floating]) -> _Array:
+    def interpolate(self, values: FloatArray) -> Float64Array:
         """Interpolate values (..., V_other, C) of the other mesh's vertices at the model's
         vertices: (..., V, C).
         """
@@ -122,7 +120,7 @@ class Correspondence:
             values[..., self.corners[:, k], :] * self.shares[:, k, None] for k in range(3)
         )
 
-    def subset(self, ids: NDArray[np.int64]) -> Correspondence:
+    def subset(self, ids: Int64Array) -> Correspondence:
         """Return the correspondence of the model's vertices ``ids`` (n,)."""
         return Correspondence(self.corners[ids], self.shares[ids], self.sure[ids])
 
@@ -134,7 +132,7 @@ _DISTANCE_SIGMA_M = (0.25, 0.02)
 
 
 def _register(
-    fit: BodyFit, surface: SurfaceIndex, patches: SampledBodyModel, normals: _Array
+    fit: BodyFit, surface: SurfaceIndex, patches: SampledBodyModel, normals: Float64Array
 ) -> BodyFit:
     """Fit a body model to a mesh in the T-pose, by iterated closest points.
 
@@ -199,7 +197,7 @@ _LIMBS = [*joint_pair("shoulder"), *joint_pair("hip")]
 """Root joints of the limbs, in the order of their tips."""
 
 
-def _align_tips(vertices: NDArray[np.floating], patches: SampledBodyModel) -> BodyFit:
+def _align_tips(vertices: FloatArray, patches: SampledBodyModel) -> BodyFit:
     """Fit crown, fingertips and toes of a model, ``patches``, to those of a mesh (V, 3), with rigid
     arms and legs.
     """
@@ -218,7 +216,7 @@ def _align_tips(vertices: NDArray[np.floating], patches: SampledBodyModel) -> Bo
     return BodyFit(world, betas, transl)
 
 
-def _tips(points: NDArray[np.floating]) -> NDArray[np.int64]:
+def _tips(points: FloatArray) -> Int64Array:
     """Return the vertex ids of the crown, the fingertips and the toes of a T-pose (V, 3), left
     before right.
     """

@@ -16,10 +16,9 @@ trunk.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from physic_core.body import (
     FINGER_JOINTS,
@@ -42,8 +41,9 @@ from physic_core.geometry import (
     unit,
 )
 
-_Array = NDArray[np.float64]
-_Bools = NDArray[np.bool_]
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, Float64Array, FloatArray
+
 
 _HIPS, _KNEES, _ANKLES, _FEET = (joint_pair(name) for name in ("hip", "knee", "ankle", "foot"))
 _COLLARS, _SHOULDERS, _ELBOWS, _WRISTS = (
@@ -70,23 +70,23 @@ _BY_TRUNK = 0.3
 """Weights of the foot and of the trunk for the hinge axis of a straight limb."""
 
 
-def has_torso_joints(known: _Bools) -> _Bools:
+def has_torso_joints(known: BoolArray) -> BoolArray:
     """Return which bodies (B,) have both hips, and both shoulders or the neck, among the known
     joints (B, 55).
     """
-    complete: _Bools = known[:, _HIPS].all(1) & (
+    complete: BoolArray = known[:, _HIPS].all(1) & (
         known[:, _SHOULDERS].all(1) | known[:, JOINT_INDEX["neck"]]
     )
     return complete
 
 
-def finite_rows(joints: NDArray[np.floating[Any]]) -> _Bools:
+def finite_rows(joints: FloatArray) -> BoolArray:
     """Return whether each vector (..., 3) is finite: (...) bool."""
-    known: _Bools = np.asarray(np.isfinite(joints).all(-1), bool)
+    known: BoolArray = np.asarray(np.isfinite(joints).all(-1), bool)
     return known
 
 
-def rotations_from_joints(joints: _Array, rest: _Array) -> _Array:
+def rotations_from_joints(joints: Float64Array, rest: Float64Array) -> Float64Array:
     """Estimate the rotation of every bone relative to the T-pose.
 
     Args:
@@ -115,7 +115,7 @@ def rotations_from_joints(joints: _Array, rest: _Array) -> _Array:
     return world
 
 
-def _set_trunk(world: _Array, both: _Array, known: _Bools) -> None:
+def _set_trunk(world: Float64Array, both: Float64Array, known: BoolArray) -> None:
     """Set the rotations of pelvis, spine and collars."""
     hips, top = (both[:, :, pair].mean(2) for pair in (_HIPS, _SHOULDERS))
     top = np.where(known[:, JOINT_INDEX["neck"], None], both[:, :, JOINT_INDEX["neck"]], top)
@@ -136,7 +136,7 @@ def _set_trunk(world: _Array, both: _Array, known: _Bools) -> None:
     _set_collars(world, both, known)
 
 
-def _set_collars(world: _Array, both: _Array, known: _Bools) -> None:
+def _set_collars(world: Float64Array, both: Float64Array, known: BoolArray) -> None:
     """Set the rotations of collars to the elevation and protraction of the shoulders: their
     distance depends on shape.
     """
@@ -153,7 +153,7 @@ def _set_collars(world: _Array, both: _Array, known: _Bools) -> None:
         world[:, collar] = np.where(wide, turn @ chest, chest)
 
 
-def _set_head(world: _Array, both: _Array, known: _Bools) -> None:
+def _set_head(world: Float64Array, both: Float64Array, known: BoolArray) -> None:
     """Set the rotations of neck, head, jaw and eyes."""
     joints, rest = both
     neck = JOINT_INDEX["neck"]
@@ -176,7 +176,7 @@ def _set_head(world: _Array, both: _Array, known: _Bools) -> None:
     world[:, [JOINT_INDEX["jaw"], *_EYES]] = world[:, [head]]
 
 
-def _set_limbs(world: _Array, both: _Array, known: _Bools) -> None:
+def _set_limbs(world: Float64Array, both: Float64Array, known: BoolArray) -> None:
     """Set the rotations of arms, legs and feet, from those of pelvis and collars."""
     joints, rest = both
     above = world[:, [_PELVIS, _PELVIS, *_COLLARS]]
@@ -207,7 +207,9 @@ def _set_limbs(world: _Array, both: _Array, known: _Bools) -> None:
     _set_feet(world, rest[:, _FEET] - rest[:, _ANKLES], feet, feet_known)
 
 
-def _set_feet(world: _Array, at_rest: _Array, feet: _Array, known: _Bools) -> None:
+def _set_feet(
+    world: Float64Array, at_rest: Float64Array, feet: Float64Array, known: BoolArray
+) -> None:
     """Set the rotations of ankles and feet, from those of the knees."""
     shin = world[:, _KNEES]
     tread = rotation_between(rotate(shin, at_rest), feet) @ shin
@@ -215,24 +217,24 @@ def _set_feet(world: _Array, at_rest: _Array, feet: _Array, known: _Bools) -> No
     world[:, _FEET] = world[:, _ANKLES]
 
 
-def _turns_of_bones(bones: _Array, at_rest: _Array, axis: _Array) -> _Array:
+def _turns_of_bones(bones: Float64Array, at_rest: Float64Array, axis: Float64Array) -> Float64Array:
     """Return the rotations that bring bones from rest to where they are, and hinges to an axis."""
     frame = frame_from_axes(at_rest, np.broadcast_to(_HINGES, at_rest.shape))
     return np.asarray(frame_from_axes(bones, axis) @ np.swapaxes(frame, -1, -2))
 
 
-def _hinge_axes(upper: _Array, lower: _Array, hint: _Array) -> _Array:
+def _hinge_axes(upper: Float64Array, lower: Float64Array, hint: Float64Array) -> Float64Array:
     """Return the axis (B, 4, 3) about which each limb bends, from its two bones; near to a hint if
     the limb is straight.
     """
     bend = cross(unit(upper), unit(lower))
     sine = np.sqrt((bend * bend).sum(-1, keepdims=True))
     weight = np.clip((sine - _MIN_BEND) / (_FULL_BEND - _MIN_BEND), 0.0, 1.0)
-    axis: _Array = weight * unit(bend) + (1 - weight) * unit(hint)
+    axis: Float64Array = weight * unit(bend) + (1 - weight) * unit(hint)
     return axis
 
 
-def _set_hands(world: _Array, both: _Array, known: _Bools) -> None:
+def _set_hands(world: Float64Array, both: Float64Array, known: BoolArray) -> None:
     """Set the rotations of forearm twist, wrists and fingers."""
     joints, rest = both
     arms = world[:, _ELBOWS]
@@ -266,7 +268,7 @@ def _set_hands(world: _Array, both: _Array, known: _Bools) -> None:
         world[:, _FINGERS[..., joint]] = above
 
 
-def _align(*sticks: _Array) -> _Array:
+def _align(*sticks: Float64Array) -> Float64Array:
     """Return the rotation (B, 3, 3) that best aligns directions (2, B, 3): posed, and in the
     T-pose.
     """
@@ -274,10 +276,10 @@ def _align(*sticks: _Array) -> _Array:
     return nearest_rotation(np.asarray(moments))
 
 
-def _left_minus_right(both: _Array, pair: list[int]) -> _Array:
+def _left_minus_right(both: Float64Array, pair: list[int]) -> Float64Array:
     """Return the vectors (2, B, 3) from the right to the left joint of a pair."""
     left, right = pair
-    vectors: _Array = both[:, :, left] - both[:, :, right]
+    vectors: Float64Array = both[:, :, left] - both[:, :, right]
     return vectors
 
 
@@ -291,9 +293,9 @@ class BodyFit:
         transl: (B, 3) metres.
     """
 
-    world: _Array
-    betas: _Array
-    transl: _Array
+    world: Float64Array
+    betas: Float64Array
+    transl: Float64Array
 
 
 _ROUNDS = 3  # alternations between shape and rotations
@@ -320,7 +322,7 @@ _KINDS = [name.removeprefix("left_").removeprefix("right_").rstrip("123") for na
 _WEIGHT = np.array([1 / _SIGMA_M.get(kind, _OTHER_SIGMA_M) ** 2 for kind in _KINDS])
 
 
-def fit_joints(bones: BoneOffsets, joints: _Array, world: _Array | None) -> BodyFit:
+def fit_joints(bones: BoneOffsets, joints: Float64Array, world: Float64Array | None) -> BodyFit:
     """Fit a body model to joints.
 
     Args:
@@ -359,18 +361,23 @@ _MIN_RESIDUAL = 0.02
 """Minimum of the residual relative to the difference of two models."""
 
 
-def _residual(gap: _Array, weights: _Array) -> _Array:
+def _residual(gap: Float64Array, weights: Float64Array) -> Float64Array:
     """Return the mean squared residual (B, 1), relative to the difference of two models; at most
     1.
     """
     square = (weights * (gap * gap).sum(-1)).sum(1) / np.maximum(3 * (weights > 0).sum(1), 1)
-    share: _Array = np.clip(square, _MIN_RESIDUAL**2, 1.0)[:, None]
+    share: Float64Array = np.clip(square, _MIN_RESIDUAL**2, 1.0)[:, None]
     return share
 
 
 def _align_limbs(
-    bones: BoneOffsets, world: _Array, betas: _Array, transl: _Array, targets: _Array, known: _Bools
-) -> _Array:
+    bones: BoneOffsets,
+    world: Float64Array,
+    betas: Float64Array,
+    transl: Float64Array,
+    targets: Float64Array,
+    known: BoolArray,
+) -> Float64Array:
     """Rotate each limb bone from its posed start to its target end."""
     turns = world.copy()
     offsets = bones.for_betas(betas)

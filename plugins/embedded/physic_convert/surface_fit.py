@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from physic_convert.joint_fit import BodyFit
 from physic_core.body import (
@@ -25,8 +24,8 @@ from physic_core.geometry import cross, exact_arrays, nearest_rotation, rotvec_t
 
 if TYPE_CHECKING:
     from physic_core.body import BodyModel
+    from physic_core.types import BoolArray, Float32Array, Float64Array, Int64Array
 
-_Array = NDArray[np.float64]
 
 _UP = np.array(PARENTS[1:])
 
@@ -64,17 +63,17 @@ class SampledBodyModel:
     """
 
     bones: BoneOffsets
-    ids: NDArray[np.int64]
-    template: _Array
-    directions: _Array
-    correctives: NDArray[np.float32] | None
-    weights: _Array
-    joints: _Array
-    joint_directions: _Array
-    bound: _Array
+    ids: Int64Array
+    template: Float64Array
+    directions: Float64Array
+    correctives: Float32Array | None
+    weights: Float64Array
+    joints: Float64Array
+    joint_directions: Float64Array
+    bound: Float64Array
 
     @classmethod
-    def of(cls, model: BodyModel, ids: NDArray[np.int64]) -> SampledBodyModel:
+    def of(cls, model: BodyModel, ids: Int64Array) -> SampledBodyModel:
         """Extract the data of the vertices ``ids`` (n,) of a model."""
         count = model.num_betas
         kinematics = model.kinematics
@@ -103,13 +102,13 @@ class SampledBodyModel:
         )
 
     @cached_property
-    def rotation_weights(self) -> _Array:
+    def rotation_weights(self) -> Float64Array:
         """(55, n) weight of each vertex in the fit of each bone's rotation."""
-        squared: _Array = (self.weights * self.weights).T
-        weights: _Array = squared / np.maximum(squared.sum(1, keepdims=True), 1e-12)
+        squared: Float64Array = (self.weights * self.weights).T
+        weights: Float64Array = squared / np.maximum(squared.sum(1, keepdims=True), 1e-12)
         return weights
 
-    def linear(self, world: _Array) -> tuple[_Array, _Array]:
+    def linear(self, world: Float64Array) -> tuple[Float64Array, Float64Array]:
         """Return the posed vertices as a linear function of the betas.
 
         Args:
@@ -150,15 +149,15 @@ class SampledBodyModel:
             slopes += by_vertex[..., axis, None] * rows[:, None]
         return start, slopes
 
-    def posed(self, fit: BodyFit) -> _Array:
+    def posed(self, fit: BodyFit) -> Float64Array:
         """Return the vertices (B, n, 3), metres, of fitted bodies."""
         start, slopes = self.linear(fit.world)
-        vertices: _Array = (
+        vertices: Float64Array = (
             start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
         )
         return vertices
 
-    def lever_arms(self, world: _Array, betas: _Array) -> _Array:
+    def lever_arms(self, world: Float64Array, betas: Float64Array) -> Float64Array:
         """Return lever arms (B, n, 55, 3): a small rotation w of a bone moves a vertex by ``w x
         lever``.
 
@@ -187,12 +186,12 @@ class SampledBodyModel:
         return levers
 
     @cached_property
-    def descendant_weights(self) -> _Array:
+    def descendant_weights(self) -> Float64Array:
         """(n, 55) sum of the skinning weights of each bone and its descendants, at each vertex."""
         return matmul(self.weights, ANCESTOR_MATRIX)
 
 
-def sample_vertices(model: BodyModel, per_bone: int = _VERTICES_PER_BONE) -> NDArray[np.int64]:
+def sample_vertices(model: BodyModel, per_bone: int = _VERTICES_PER_BONE) -> Int64Array:
     """Return the ids of at most ``per_bone`` outer vertices of each bone, evenly sampled by id,
     ascending.
     """
@@ -217,9 +216,9 @@ class SurfaceTargets:
             counts.
     """
 
-    points: _Array
-    weights: _Array
-    normals: _Array | None = None
+    points: Float64Array
+    weights: Float64Array
+    normals: Float64Array | None = None
 
 
 def fit_surface(
@@ -272,7 +271,7 @@ def fit_surface(
 
 def _step_equations(
     patches: SampledBodyModel, targets: SurfaceTargets, fit: BodyFit, sigma_m: float
-) -> tuple[_Array, _Array]:
+) -> tuple[Float64Array, Float64Array]:
     """Return the normal equations of a step of rotations, shape and translation."""
     points = targets.points
     root = np.sqrt(targets.weights)[..., None] / sigma_m
@@ -298,7 +297,7 @@ def _step_equations(
     return _TANGENT_WEIGHT * normal + across, _TANGENT_WEIGHT * pull + along
 
 
-def _normal_equations(design: _Array, gap: _Array) -> tuple[_Array, _Array]:
+def _normal_equations(design: Float64Array, gap: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Return the normal equations (B, M, M) and (B, M) of residuals (B, n) with derivatives
     (B, n, M).
     """
@@ -306,7 +305,9 @@ def _normal_equations(design: _Array, gap: _Array) -> tuple[_Array, _Array]:
     return matmul(across, design), matmul(across, gap[..., None])[..., 0]
 
 
-def _kabsch_rotations(patches: SampledBodyModel, points: _Array, weights: _Array) -> _Array:
+def _kabsch_rotations(
+    patches: SampledBodyModel, points: Float64Array, weights: Float64Array
+) -> Float64Array:
     """Return rotations (B, 55, 3, 3) that align the T-pose vertices of each bone with their points,
     by Kabsch.
     """
@@ -324,7 +325,7 @@ def _kabsch_rotations(patches: SampledBodyModel, points: _Array, weights: _Array
     return nearest_rotation(moments)
 
 
-def _follow_parents(world: _Array, held: NDArray[np.bool_]) -> _Array:
+def _follow_parents(world: Float64Array, held: BoolArray) -> Float64Array:
     """Return rotations (B, 55, 3, 3) in which bones without points, (B, 55), follow their
     parents.
     """

@@ -10,11 +10,8 @@ from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from physic_core.body import BodyModel
-    from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
+    from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People, UInt8Array
 
 
 class EmbeddedBodies(BodyEstimator):
@@ -51,7 +48,7 @@ class EmbeddedBodies(BodyEstimator):
 
     def infer(
         self,
-        image: NDArray[np.uint8],
+        image: UInt8Array,
         people: People,
         intrinsics: Intrinsics,
         keypoints: Keypoints,

@@ -12,10 +12,8 @@ from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.body import BodyModel
-    from physic_core.types import Bodies, People
+    from physic_core.types import Bodies, People, UInt8Array
 
 # Contact set -> option with its probability, and joints of which one must be seen.
 _PARTS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -69,7 +67,7 @@ class StaticContact(ContactPrior):
         """Release the body model."""
         self._model = None
 
-    def infer(self, image: NDArray[np.uint8], people: People, bodies: Bodies) -> ContactProbability:
+    def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
         """Return the contact probability (N, V) on the vertices of the embedded body.
 
         If the bodies are of another model, the T-pose mesh of the embedded body is returned too.

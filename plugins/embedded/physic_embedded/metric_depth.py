@@ -11,10 +11,7 @@ from physic_core.interfaces import MetricDepth
 from physic_core.types import DepthMap
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from physic_core.types import Hints
+    from physic_core.types import Hints, UInt8Array
 
 
 class EmbeddedMetricDepth(MetricDepth):
@@ -26,7 +23,7 @@ class EmbeddedMetricDepth(MetricDepth):
     written_for = 1
     reads = ("intrinsics", "scene", "scale")
 
-    def infer(self, image: NDArray[np.uint8], hints: Hints) -> DepthMap:
+    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Return the depth (H, W) of ``hints.scene`` in metres.
 
         Raises:

@@ -33,10 +33,9 @@ from physic_networks.runtime import onnxruntime
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
     from physic_core.types import (
         BoolArray,
+        Float32Array,
         FloatArray,
         Intrinsics,
         Keypoints,
@@ -174,7 +173,7 @@ class EmbeddedPersonObserver(PackagedBackend, PersonObserver):
 
     def _heads(
         self, image: UInt8Array, keypoints: Keypoints, intrinsics: Intrinsics
-    ) -> NDArray[np.float32]:
+    ) -> Float32Array:
         """Return the unit vectors (N, 3) in which the faces look, camera frame; NaN without."""
         found = np.full((len(keypoints.points), 3), np.nan, np.float32)
         row = {name: j for j, name in enumerate(keypoints.joint_set.names)}
@@ -202,7 +201,7 @@ class EmbeddedPersonObserver(PackagedBackend, PersonObserver):
 
 
 @cache
-def fitted_numbers() -> Mapping[str, NDArray[np.float32]]:
+def fitted_numbers() -> Mapping[str, Float32Array]:
     """Return the arrays of :data:`NUMBERS` by question."""
     with NUMBERS.open("rb") as stream:
         return read_arrays(stream)

@@ -44,13 +44,17 @@ from physic_networks.canonical_depth import known_camera
 from physic_networks.pictures import resize_map
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import Hints
+    from physic_core.types import (
+        BoolArray,
+        Float32Array,
+        Float64Array,
+        FloatArray,
+        Hints,
+        UInt8Array,
+    )
     from physic_embedded.networks.patch_tokens import PatchTokens
     from physic_networks.onnx_sessions import OnnxSession
 
-    FloatArray = NDArray[np.floating]
 
 _DEPTH = "depth_anything_v2_vits"
 _LINES = "mlsd_large_512"
@@ -136,7 +140,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             lines = {_LINES: open_packaged_session(_LINES, self.options.threads, device)}
         return super().build(device) | lines
 
-    def infer(self, image: NDArray[np.uint8], hints: Hints) -> Pointmap:
+    def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Return points whose inverse depth is known up to scale and shift, with median depth 1.
 
         Points farther than the network resolves, and points between a near and a far surface, are
@@ -196,7 +200,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             up_source="" if up is None else up.source,
         )
 
-    def _disparity_of_photo(self, photo: NDArray[np.uint8]) -> FloatArray:
+    def _disparity_of_photo(self, photo: UInt8Array) -> FloatArray:
         """Return the disparity of a photo with people: that of the call before, or a new one, which
         is kept.
         """
@@ -210,7 +214,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         return self._photo[1]
 
     def _disparity_of_scene(
-        self, image: NDArray[np.uint8], hints: Hints
+        self, image: UInt8Array, hints: Hints
     ) -> tuple[FloatArray, PatchTokens | None]:
         """Return the disparity of a photo without its people, and the tokens of a small look at
         it, if there was one.
@@ -224,15 +228,15 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         photo = self._disparity_of_photo(hints.photo)
         return scene_disparity(small, photo, _beside(hints.hole, _MARGIN, photo)), tokens
 
-    def _small_look(self, image: NDArray[np.uint8]) -> PatchTokens:
+    def _small_look(self, image: UInt8Array) -> PatchTokens:
         network = self.network[_DEPTH]
         return patch_tokens(
             network.name, lambda _: network, image, PICTURE_SIDE_PX, PICTURE_PATCHES
         )
 
     def _camera(
-        self, image: NDArray[np.uint8], hints: Hints
-    ) -> tuple[Intrinsics, NDArray[np.float64], list[str]]:
+        self, image: UInt8Array, hints: Hints
+    ) -> tuple[Intrinsics, Float64Array, list[str]]:
         """Return the known, edge-based or default camera, line segments (M, 2, 2), and notes.
 
         M is 0 where no edges are looked for.
@@ -254,7 +258,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         return camera, segments, notes
 
     def _estimated_camera(
-        self, segments: NDArray[np.float64], width: int, height: int
+        self, segments: Float64Array, width: int, height: int
     ) -> tuple[Intrinsics, str]:
         """Return the camera by the default and the segments, and a note."""
         default = _DEFAULT_FOCAL
@@ -276,7 +280,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         return replace(camera, focal_sigma=sigma), note
 
 
-def _gap_from_infinity(raw: FloatArray, infinity: float) -> tuple[FloatArray, NDArray[np.bool_]]:
+def _gap_from_infinity(raw: FloatArray, infinity: float) -> tuple[FloatArray, BoolArray]:
     """Return the disparities (h, w) above that of infinity, and where depth is not reliable.
 
     Raises:
@@ -294,7 +298,7 @@ def _gap_from_infinity(raw: FloatArray, infinity: float) -> tuple[FloatArray, ND
     return gap, lost
 
 
-def _unproject(depth: FloatArray, camera: Intrinsics) -> NDArray[np.float32]:
+def _unproject(depth: FloatArray, camera: Intrinsics) -> Float32Array:
     """Return the points (H, W, 3) float32 at depths (H, W)."""
     height, width = depth.shape
     columns = np.arange(width, dtype=np.float32)
@@ -318,7 +322,7 @@ def _disparity_at_infinity(
     focal = camera.fx * columns / camera.width
     labels = None if hints.people is None else hints.people.surfaces
 
-    def labelled(*names: str) -> NDArray[np.bool_] | None:
+    def labelled(*names: str) -> BoolArray | None:
         return None if labels is None else _shrink_labels(labels.mask(*names), rows, columns)
 
     ground = labelled("floor", "ground", "rug")
@@ -349,7 +353,7 @@ def _open_air(hints: Hints) -> float:
     return (outdoors - indoors) / (outdoors + indoors + _FEW_LABELS)
 
 
-def _horizon(sky: NDArray[np.bool_] | None, ground: NDArray[np.bool_] | None) -> FloatArray | None:
+def _horizon(sky: BoolArray | None, ground: BoolArray | None) -> FloatArray | None:
     """Return the pixels (M, 2) between sky and the ground or water right below it."""
     if sky is None or ground is None:
         return None
@@ -362,7 +366,7 @@ def _horizon(sky: NDArray[np.bool_] | None, ground: NDArray[np.bool_] | None) ->
     return np.stack([columns, (top + last)[columns] / 2], 1)
 
 
-def _shrink_mask(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:
+def _shrink_mask(mask: BoolArray, rows: int, columns: int) -> BoolArray:
     """Resize a mask to network resolution; True if any pixel is."""
     import cv2
 
@@ -370,7 +374,7 @@ def _shrink_mask(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np
     return np.asarray(small > 0)
 
 
-def _shrink_labels(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:
+def _shrink_labels(mask: BoolArray, rows: int, columns: int) -> BoolArray:
     """Resize a mask to network resolution by its nearest pixels."""
     import cv2
 
@@ -404,7 +408,7 @@ def _match_to_scene(raw: FloatArray, hints: Hints) -> tuple[float, float] | None
     return None if line is None else (-line[1] / line[0], line[0])
 
 
-def _beside(mask: NDArray[np.bool_], margin: float, raw: FloatArray) -> NDArray[np.bool_]:
+def _beside(mask: BoolArray, margin: float, raw: FloatArray) -> BoolArray:
     """Return the pixels of a map (h, w) that are farther from a mask (H, W) than a share of its
     long side.
     """

@@ -9,14 +9,12 @@ lengths; each formula states which one it uses.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import FloatArray, Hints, Intrinsics
+    from physic_core.types import AnyArray, FloatArray, Hints, Intrinsics
 
 _LEAST_INVERSE = 1e-4  # 1/m of canonical inverse depth; less becomes a depth of 10 km
 _MOST_INVERSE = 1e4  # 1/m
@@ -72,7 +70,7 @@ def depth_from_canonical(raw: FloatArray, focal_px: float, canonical_focal_px: f
     return metres
 
 
-def known_camera(hints: Hints, image: NDArray[Any]) -> Intrinsics | None:
+def known_camera(hints: Hints, image: AnyArray) -> Intrinsics | None:
     """Return the intrinsics in ``hints``, scaled to the size of ``image``; None if the hints have
     no intrinsics.
     """

@@ -38,9 +38,7 @@ from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import Backend, GpuMemory, Options, Requirement
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import FloatArray, UInt8Array
+    from physic_core.types import AnyArray, FloatArray, UInt8Array
 
 
 WEIGHTS_HELP = "a name of `physic weights list`"
@@ -263,8 +261,8 @@ def open_torchscript(path: Path, device: str) -> Any:
 
 
 def run_in_batches(
-    call: Callable[[dict[str, NDArray[Any]]], Sequence[Any]],
-    inputs: Mapping[str, NDArray[Any]],
+    call: Callable[[dict[str, AnyArray]], Sequence[Any]],
+    inputs: Mapping[str, AnyArray],
     size: int,
     *,
     full: bool = False,
@@ -347,7 +345,7 @@ def to_numpy(value: Any) -> FloatArray:
     return array
 
 
-def check_answer(values: NDArray[Any], source: str) -> None:
+def check_answer(values: AnyArray, source: str) -> None:
     """Check that an answer of several numbers has a finite one.
 
     Comparisons with NaN are False: without this check, a network that has failed looks like one

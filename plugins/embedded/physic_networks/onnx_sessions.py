@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
     from onnxruntime import InferenceSession, SessionOptions
+
+    from physic_core.types import AnyArray
 
 _LOG = logging.getLogger(__name__)
 
@@ -60,10 +61,10 @@ class OnnxSession:
     def run(
         self,
         outputs: Sequence[str] | None,
-        inputs: Mapping[str, NDArray[Any]],
+        inputs: Mapping[str, AnyArray],
         *,
         keep: bool = False,
-        beside: Mapping[str, Callable[[NDArray[Any]], None]] = MappingProxyType({}),
+        beside: Mapping[str, Callable[[AnyArray], None]] = MappingProxyType({}),
     ) -> list[Any]:
         """Run the network and return the named outputs in that order, or all outputs for None.
 

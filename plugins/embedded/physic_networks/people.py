@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.types import BoolArray, FloatArray, Keypoints
+    from physic_core.types import AnyArray, BoolArray, FloatArray, Keypoints
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def nms(boxes: FloatArray, scores: FloatArray, overlap: float) -> NDArray[np.int
     return np.array(kept, np.intp)
 
 
-def clip_boxes(boxes: FloatArray, height: int, width: int) -> tuple[FloatArray, NDArray[np.bool_]]:
+def clip_boxes(boxes: FloatArray, height: int, width: int) -> tuple[FloatArray, BoolArray]:
     """Clip boxes to the photo, and return which clipped boxes are finite and at least one pixel
     wide and high.
 
@@ -94,16 +94,16 @@ def clip_boxes(boxes: FloatArray, height: int, width: int) -> tuple[FloatArray, 
     Returns:
         (N, 4) clipped boxes, and (N,) bool, which to keep.
     """
-    finite: NDArray[np.bool_] = np.asarray(np.isfinite(boxes).all(axis=1))
+    finite: BoolArray = np.asarray(np.isfinite(boxes).all(axis=1))
     inside: FloatArray = np.clip(
         np.where(finite[:, None], boxes, 0.0), 0.0, [width, height, width, height]
     )
-    large: NDArray[np.bool_] = np.asarray((inside[:, 2:] - inside[:, :2] >= 1).all(axis=1))
+    large: BoolArray = np.asarray((inside[:, 2:] - inside[:, :2] >= 1).all(axis=1))
     return inside, finite & large
 
 
 def people_from_masks(
-    masks: Iterable[NDArray[Any]],
+    masks: Iterable[AnyArray],
     boxes: FloatArray | None,
     scores: FloatArray,
     floor: BoolArray | None = None,

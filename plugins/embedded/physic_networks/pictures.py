@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -20,9 +20,7 @@ from physic_core.interfaces import tensor_advice
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
-    from physic_core.types import BoolArray, FloatArray, UInt8Array
+    from physic_core.types import AnyArray, BoolArray, FloatArray, UInt8Array
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
@@ -36,7 +34,7 @@ _CHANNELS = 4  # OpenCV 5 takes 128 at most, its "area" no more than 4
 
 
 def normalized_nchw(
-    image: NDArray[Any],
+    image: AnyArray,
     mean: Sequence[float] = (0.0, 0.0, 0.0),
     std: Sequence[float] = (1.0, 1.0, 1.0),
     scale: float = 1 / 255,
@@ -54,8 +52,8 @@ def normalized_nchw(
 
 
 def resize_image(
-    image: NDArray[Any], height: int, width: int, how: Resampling = "bilinear"
-) -> NDArray[Any]:
+    image: AnyArray, height: int, width: int, how: Resampling = "bilinear"
+) -> AnyArray:
     """Resize an image to exactly ``height`` x ``width``; the aspect may change.
 
     Args:
@@ -94,7 +92,7 @@ def resize_image(
     return whole.reshape(height, width, *image.shape[2:])
 
 
-def resize_map(values: NDArray[Any], height: int, width: int) -> FloatArray:
+def resize_map(values: AnyArray, height: int, width: int) -> FloatArray:
     """Resize a map (H, W) or (H, W, C) by bilinear interpolation, to float32; NaN spreads to
     neighbours.
 
@@ -125,16 +123,16 @@ def _require_picture(image: object) -> None:
         )
 
 
-def _resize_by_opencv(part: NDArray[Any], height: int, width: int, how: str) -> NDArray[Any]:
+def _resize_by_opencv(part: AnyArray, height: int, width: int, how: str) -> AnyArray:
     """Resize up to four channels (H, W, c) with OpenCV."""
     import cv2
 
     kinds = {"bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC, "area": cv2.INTER_AREA}
-    resized: NDArray[Any] = cv2.resize(part, (width, height), interpolation=kinds[how])
+    resized: AnyArray = cv2.resize(part, (width, height), interpolation=kinds[how])
     return resized.reshape(height, width, -1)
 
 
-def _resize_by_pillow(part: NDArray[Any], height: int, width: int, how: str) -> NDArray[Any]:
+def _resize_by_pillow(part: AnyArray, height: int, width: int, how: str) -> AnyArray:
     """Resize one channel (H, W, 1), or three of uint8, with Pillow."""
     from PIL import Image
 
@@ -162,15 +160,15 @@ class Letterbox:
     inner: tuple[int, int]
     size: tuple[int, int]
 
-    def to_photo(self, points: NDArray[Any]) -> FloatArray:
+    def to_photo(self, points: AnyArray) -> FloatArray:
         """Map pixel coordinates (..., 2) x y from the canvas to the photo."""
         return np.asarray((points - self._offset() + 0.5) / self._factor() - 0.5, np.float64)
 
-    def to_canvas(self, points: NDArray[Any]) -> FloatArray:
+    def to_canvas(self, points: AnyArray) -> FloatArray:
         """Map pixel coordinates (..., 2) x y from the photo to the canvas."""
         return np.asarray((points + 0.5) * self._factor() - 0.5 + self._offset(), np.float64)
 
-    def edges_to_photo(self, boxes: NDArray[Any]) -> FloatArray:
+    def edges_to_photo(self, boxes: AnyArray) -> FloatArray:
         """Map half-open boxes (..., 4) x0 y0 x1 y1, which are pixel edges, from the canvas to the
         photo.
         """
@@ -178,7 +176,7 @@ class Letterbox:
             (boxes - np.tile(self._offset(), 2)) / np.tile(self._factor(), 2), np.float64
         )
 
-    def crop(self, values: NDArray[Any]) -> NDArray[Any]:
+    def crop(self, values: AnyArray) -> AnyArray:
         """Return the part of a map (h, w, ...) of the canvas that the photo covers, as a view."""
         return values[self.top : self.top + self.inner[0], self.left : self.left + self.inner[1]]
 
@@ -196,7 +194,7 @@ def letterbox(
     fill: float | Sequence[float] = 0,
     where: Literal["top-left", "centre"] = "centre",
     how: Resampling = "bilinear",
-) -> tuple[NDArray[Any], Letterbox]:
+) -> tuple[AnyArray, Letterbox]:
     """Resize a photo into a padded canvas, keeping its aspect.
 
     Args:

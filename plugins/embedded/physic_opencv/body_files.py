@@ -10,17 +10,19 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from physic_core.files import matrix
 from physic_core.geometry import check_rotations, rotmat_to_rotvec
 from physic_core.types import BodiesInFile, FileOfPhoto
 from physic_opencv.documents import MESHES, open_document
 
-_Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from physic_core.types import Float64Array
+
+
 _Record = BodiesInFile
 
 # Mean errors of joints on 3DPW (14 joints) above the default of BodiesInFile, by Table 2 of the
@@ -115,7 +117,7 @@ def _people_of(document: Any) -> list[Mapping[str, Any]]:
     return [one for one in people if "pred_cam_t" in one] if is_list else []
 
 
-def _rows(document: Mapping[str, Any], name: str, *shape: int) -> _Array:
+def _rows(document: Mapping[str, Any], name: str, *shape: int) -> Float64Array:
     """Return an array (N, *shape) of a document, also of one person without N.
 
     Raises:
@@ -128,14 +130,14 @@ def _rows(document: Mapping[str, Any], name: str, *shape: int) -> _Array:
     return values.reshape(-1, *shape)
 
 
-def _centred(focal: Any, size: tuple[int, int], count: int) -> _Array:
+def _centred(focal: Any, size: tuple[int, int], count: int) -> Float64Array:
     """Return cameras (N, 4) of one focal length, or of N, with the middle of a picture."""
     middle = (np.array(size) - 1) / 2
     focal = np.reshape(np.asarray(focal), -1)
     return np.stack([np.broadcast_to(v, count) for v in (focal, focal, *middle)], 1)
 
 
-def _cameras(document: Mapping[str, Any], count: int) -> _Array | None:
+def _cameras(document: Mapping[str, Any], count: int) -> Float64Array | None:
     """Return the cameras (N, 4) of a camera matrix or of each person's; None if there is none."""
     for key in _CAMERA_KEYS:
         if key in document:
@@ -234,7 +236,11 @@ def _amass(document: Any, file: FileOfPhoto) -> _Record:
 
 
 def _of_poses(
-    tool: str, poses: _Array, betas: _Array, transl: _Array, camera: _Array | None
+    tool: str,
+    poses: Float64Array,
+    betas: Float64Array,
+    transl: Float64Array,
+    camera: Float64Array | None,
 ) -> _Record:
     """Return the record of the vectors (N, P) of all joints of a model."""
     if poses.shape[1] not in _POSES:
@@ -294,7 +300,7 @@ def _has_hands_alone(document: Mapping[str, Any]) -> bool:
     return "left_hand_pose" in document and not has_face
 
 
-def _turns(document: Mapping[str, Any], name: str, count: int, joints: int) -> _Array:
+def _turns(document: Mapping[str, Any], name: str, count: int, joints: int) -> Float64Array:
     """Return rotation vectors (N, joints, 3) of vectors or matrices."""
     rotations = matrix(document[name], name)
     if rotations.size == 3 * count * joints:
@@ -349,7 +355,7 @@ def _meshes(document: Any, file: FileOfPhoto) -> _Record:
     )
 
 
-def _vertices(document: Any) -> _Array:
+def _vertices(document: Any) -> Float64Array:
     """Return the vertices (N, V, 3) of all meshes of a known topology.
 
     Raises:

@@ -202,9 +202,7 @@ def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray, tupl
     return np.where(is_known[..., None], points, 0).astype(np.float32), is_known, notes
 
 
-def _checked_valid(
-    path: Path, valid: NDArray[np.generic], shape: tuple[int, ...]
-) -> NDArray[np.bool_]:
+def _checked_valid(path: Path, valid: NDArray[np.generic], shape: tuple[int, ...]) -> BoolArray:
     if valid.shape != shape or valid.dtype != np.bool_:
         raise InputError(
             f'"valid" of {path} must be {shape} bool, one value per pixel, got {valid.shape} '

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from physic_core.errors import InputError
 from physic_core.files import ImageSource, count, decode, matrix, number, open_image, read_text
@@ -15,7 +14,10 @@ from physic_core.types import FileOfPhoto, MasksInFile
 from physic_opencv.documents import open_document
 from physic_opencv.keypoint_forms import by_id, id_of, shown_in, stated_size
 
-_Masks = NDArray[np.bool_]
+if TYPE_CHECKING:
+    from physic_core.types import AnyArray, BoolArray
+
+
 _PERSON = "person"
 _COCO_PERSON = "1"
 _MAX_TEXT = 100_000_000
@@ -51,7 +53,7 @@ def _of_folder(path: Path) -> MasksInFile:
     return MasksInFile(np.stack(pictures), not (path / "metadata.csv").is_file())
 
 
-def _picture(path: Path) -> NDArray[Any]:
+def _picture(path: Path) -> AnyArray:
     """Return the labels (H, W) of a picture of one channel or a palette."""
     source = ImageSource(str(path), path=path, what="mask", formats="a PNG of labels")
     with open_image(source) as (image, _):
@@ -64,7 +66,7 @@ def _picture(path: Path) -> NDArray[Any]:
         return np.asarray(image)
 
 
-def _of_labels(labels: NDArray[Any]) -> _Masks:
+def _of_labels(labels: AnyArray) -> BoolArray:
     """Return a mask (N, H, W) of each label above 0."""
     ids = np.unique(labels)
     if len(ids) > 256:
@@ -72,7 +74,7 @@ def _of_labels(labels: NDArray[Any]) -> _Masks:
     return np.stack([labels == one for one in ids if one > 0] or [labels > 0])
 
 
-def _of_arrays(document: Any) -> _Masks:
+def _of_arrays(document: Any) -> BoolArray:
     """Return the masks of an array (N, H, W) or (H, W), alone or in an npz."""
     if isinstance(document, Mapping):
         fit = [v for v in document.values() if isinstance(v, np.ndarray) and v.ndim in (2, 3, 4)]
@@ -112,11 +114,11 @@ def _of_json(document: Any, file: FileOfPhoto) -> MasksInFile:
     return MasksInFile(_all(chosen, size), notes=notes)
 
 
-def _all(entries: list[Any], size: tuple[int, int]) -> _Masks:
+def _all(entries: list[Any], size: tuple[int, int]) -> BoolArray:
     return np.stack([_mask(one["segmentation"], size) for one in entries])
 
 
-def _mask(segmentation: Any, size: tuple[int, int]) -> _Masks:
+def _mask(segmentation: Any, size: tuple[int, int]) -> BoolArray:
     """Return the mask (H, W) of polygons, or of run lengths that are by column."""
     if isinstance(segmentation, list):
         return _filled([matrix(one, "a polygon").reshape(-1, 2) for one in segmentation], size)
@@ -158,7 +160,7 @@ def _run_lengths(text: str) -> list[int]:
     return runs
 
 
-def _filled(polygons: list[NDArray[Any]], size: tuple[int, int]) -> _Masks:
+def _filled(polygons: list[AnyArray], size: tuple[int, int]) -> BoolArray:
     """Return the union (H, W) of polygons (n, 2) in px from the corner of the picture."""
     import cv2
 
@@ -172,7 +174,7 @@ def _filled(polygons: list[NDArray[Any]], size: tuple[int, int]) -> _Masks:
     return mask > 0
 
 
-def _polygons_of_text(text: str, size: tuple[int, int]) -> _Masks:
+def _polygons_of_text(text: str, size: tuple[int, int]) -> BoolArray:
     """Read Ultralytics' lines: class, x and y of each point as shares, perhaps confidence and
     id.
     """

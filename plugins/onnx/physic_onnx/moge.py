@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -26,9 +26,7 @@ from physic_networks.runtime import onnxruntime
 from .sessions import OnnxBackend, OnnxOptions
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import AffineAmbiguity, Hints, UInt8Array
+    from physic_core.types import AffineAmbiguity, AnyArray, Hints, UInt8Array
 
     from .sessions import Network
 
@@ -59,7 +57,7 @@ class _MogeBackend(OnnxBackend):
     reads = ("intrinsics",)
     capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
 
-    def _outputs(self, image: UInt8Array) -> tuple[NDArray[Any], ...]:
+    def _outputs(self, image: UInt8Array) -> tuple[AnyArray, ...]:
         """Return points (h, w, 3), up to a scale and a shift along z, confidence (h, w) of a
         surface, and metres a unit of the points, from the cache if the other backend has run.
         """
@@ -174,11 +172,11 @@ def network_input_size(height: int, width: int, tokens: int) -> tuple[int, int, 
     return rows * _PATCH, columns * _PATCH, rows * columns
 
 
-def _run(network: Network, image: UInt8Array, tokens: int) -> tuple[NDArray[Any], ...]:
+def _run(network: Network, image: UInt8Array, tokens: int) -> tuple[AnyArray, ...]:
     """Run the network on a photo and check its outputs."""
     height, width, tokens = network_input_size(image.shape[0], image.shape[1], tokens)
     resized = resize_image(image, height, width, "bilinear-antialias")
-    feed: dict[str, NDArray[Any]] = {
+    feed: dict[str, AnyArray] = {
         "image": normalized_nchw(
             resized
         ),  # the graph subtracts mean and divides by deviation itself

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +20,7 @@ from physic_networks.pictures import (
 from .sessions import OnnxOptions, open_network
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import FloatArray, UInt8Array
+    from physic_core.types import AnyArray, FloatArray, UInt8Array
 
     from .sessions import Network
 
@@ -53,7 +51,7 @@ class EncodedImage:
         size: H and W of the photo, px.
     """
 
-    features: dict[str, NDArray[Any]]
+    features: dict[str, AnyArray]
     size: tuple[int, int]
 
     def to_input_pixels(self, points: FloatArray) -> FloatArray:

@@ -22,8 +22,7 @@ from physic_networks.networks import NetworkBackend, check_answer
 from physic_networks.onnx_sessions import open_session
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from physic_core.types import AnyArray
     from physic_networks.onnx_sessions import OnnxSession
 
 ProviderName = Literal["auto", "cpu", "cuda", "tensorrt", "coreml", "directml"]
@@ -82,7 +81,7 @@ class Network:
         }
         self._session = session
 
-    def run(self, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> list[NDArray[Any]]:
+    def run(self, feed: Mapping[str, AnyArray], outputs: Sequence[str]) -> list[AnyArray]:
         """Run the network once.
 
         Args:
@@ -113,12 +112,12 @@ class Network:
             value.astype(np.float32) if value.dtype == np.float16 else value for value in answers
         ]
 
-    def answer(self, value: NDArray[Any]) -> list[NDArray[Any]]:
+    def answer(self, value: AnyArray) -> list[AnyArray]:
         """Run a network of one input, and return all outputs in the file's order."""
         (name,) = self.inputs
         return self.run({name: value}, list(self.outputs))
 
-    def _cast(self, name: str, value: NDArray[Any]) -> NDArray[Any]:
+    def _cast(self, name: str, value: AnyArray) -> AnyArray:
         """Cast an array to the type of an input."""
         value = np.asarray(value)
         wanted = self.inputs[name].dtype

@@ -19,9 +19,8 @@ from physic_networks.networks import WEIGHTS_HELP, TorchBackend, TorchOptions, r
 
 if TYPE_CHECKING:
     import torch
-    from numpy.typing import NDArray
 
-    from physic_core.types import FloatArray
+    from physic_core.types import AnyArray, FloatArray
 
 _LOG = logging.getLogger(__name__)
 
@@ -98,7 +97,7 @@ class CheckoutBackend(TorchBackend):
         super().close()
         self.checkout.close()
 
-    def run(self, inputs: Mapping[str, NDArray[Any]]) -> list[FloatArray]:
+    def run(self, inputs: Mapping[str, AnyArray]) -> list[FloatArray]:
         """Run the network in batches, and return its joined outputs; none without rows, for which
         it is not run.
         """
@@ -149,7 +148,7 @@ class CheckoutBackend(TorchBackend):
         if output.getvalue():
             _LOG.debug("%s: %s", self.checkout.name, output.getvalue().strip())
 
-    def _ask_on_device(self, part: Mapping[str, NDArray[Any]]) -> Sequence[Any]:
+    def _ask_on_device(self, part: Mapping[str, AnyArray]) -> Sequence[Any]:
         import torch
 
         with self.inference():

@@ -38,9 +38,8 @@ from physic_networks.networks import WEIGHTS_HELP, picture_tensor, to_numpy
 
 if TYPE_CHECKING:
     import torch
-    from numpy.typing import NDArray
 
-    from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, UInt8Array
+    from physic_core.types import AnyArray, BoolArray, FloatArray, Hints, Intrinsics, UInt8Array
 
 _TOO_FLAT = "finds the scene too flat to estimate the focal length"
 
@@ -77,7 +76,7 @@ class _MogeBackend(CheckoutBackend):
         with self.inference():
             return self.network.forward(pixels, tokens, **settings)
 
-    def _checked(self, output: Any, image: UInt8Array, *more: str) -> tuple[NDArray[Any], ...]:
+    def _checked(self, output: Any, image: UInt8Array, *more: str) -> tuple[AnyArray, ...]:
         """Return points (H, W, 3), the probability of a surface (H, W), and further outputs of one
         image.
 
@@ -201,7 +200,7 @@ class _Moge3Backend(_MogeBackend):
         """
         made_of = f"{self.fingerprint()} {self.dtype} {self.device}"
 
-        def compute() -> tuple[NDArray[Any], ...]:
+        def compute() -> tuple[AnyArray, ...]:
             output = self._forward(inputs, refine_steps=0)
             return self._checked(output, inputs, "metric_scale")
 

@@ -31,8 +31,6 @@ from physic_transformers.sam_masks import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.types import BoolArray, FloatArray, People, PeoplePrompt, UInt8Array
 
 _SHORT = 800  # px, as GroundingDINO was trained
@@ -229,7 +227,7 @@ def decode_text_boxes(
     return xyxy_from_cxcywh(boxes[rows].astype(np.float64)), scores[rows], tokens
 
 
-def detector_pixels(image: NDArray[np.uint8], device: str = "cpu") -> Any:
+def detector_pixels(image: UInt8Array, device: str = "cpu") -> Any:
     """Return the input of GroundingDINO, a tensor (1, 3, h, w)."""
     height, width = size_from_edges(image.shape[0], image.shape[1], _SHORT, _LONG)
     small = resize_image(image, height, width, "bilinear-antialias")

@@ -23,7 +23,7 @@ from physic_core.files import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import Float64Array
 
 _LARGEST_FILE = 1 << 24  # bytes
 _LARGEST_MODEL = 1 << 28  # bytes of COLMAP's images.txt, which has all keypoints
@@ -207,7 +207,7 @@ _MATRIX = re.compile(
 )
 
 
-def _read_matrix(name: str, text: str) -> NDArray[np.float64]:
+def _read_matrix(name: str, text: str) -> Float64Array:
     if (match := _MATRIX.fullmatch(text)) is not None:
         values = np.array(match[3].split(","), np.float64)
         if values.size == int(match[1]) * int(match[2]):

@@ -6,24 +6,27 @@ import pickle
 import sys
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
 import numpy as np
-from numpy.typing import NDArray
 
 from physic_core.body import MANO, SMPL, SMPL_PARENTS, ModelFileLayout
+
+if TYPE_CHECKING:
+    from physic_core.types import AnyArray
+
 
 _ROOT = 2**32 - 1
 _MANO_PARENTS = (_ROOT, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14)
 
 
-def mano_arrays() -> dict[str, NDArray[Any]]:
+def mano_arrays() -> dict[str, AnyArray]:
     """Return random arrays with the names and shapes of ``MANO_RIGHT.pkl``."""
     return _arrays(MANO, _MANO_PARENTS)
 
 
-def smpl_arrays() -> dict[str, NDArray[Any]]:
+def smpl_arrays() -> dict[str, AnyArray]:
     """Return random arrays with the names and shapes of ``SMPL_NEUTRAL.pkl``."""
     return _arrays(SMPL, (_ROOT, *SMPL_PARENTS[1:]))
 
@@ -54,19 +57,19 @@ class _Ch:
     __module__ = "chumpy.ch"
     __qualname__ = "Ch"
 
-    def __init__(self, x: NDArray[Any] | None) -> None:
+    def __init__(self, x: AnyArray | None) -> None:
         if x is not None:
             self.x = x
 
 
-def _arrays(layout: ModelFileLayout, parents: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+def _arrays(layout: ModelFileLayout, parents: tuple[int, ...]) -> dict[str, AnyArray]:
     """Return random arrays with the shapes of a model file."""
     rng = np.random.default_rng(0)
     shapes = {
         name: tuple(10 if size is None else size for size in shape)
         for name, shape in layout.shapes.items()
     }
-    arrays: dict[str, NDArray[Any]] = {
+    arrays: dict[str, AnyArray] = {
         name: rng.standard_normal(shape) for name, shape in shapes.items()
     }
     arrays["f"] = rng.integers(0, layout.vertices, shapes["f"]).astype(np.uint32)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,10 +18,9 @@ from physic_core.types import Bodies, BodyParameters, ContactProbability
 from physic_visual.rig import body_of_result, pose_rig
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.body import BodyArrays
     from physic_core.export import ExportFrame
+    from physic_core.types import AnyArray, BoolArray, Float64Array
 
 _FRAMES = 2
 """Equal frames: readers that interpolate or differentiate refuse one."""
@@ -92,7 +91,7 @@ def _smplx_file(request: ExportRequest) -> Path:
 
 def _smplx_parameters(
     request: ExportRequest, file: Path
-) -> tuple[BodyArrays, BodyParameters, NDArray[np.bool_], NDArray[np.float64]]:
+) -> tuple[BodyArrays, BodyParameters, BoolArray, Float64Array]:
     """Return the SMPL-X model, of the chosen people the parameters in the camera frame and the
     vertices in contact (N, V), and fit errors in metres.
     """
@@ -130,7 +129,7 @@ def _smplx_parameters(
 
 def _arrays(
     model: BodyArrays, person: BodyParameters, frame: ExportFrame, gender: str
-) -> dict[str, NDArray[Any]]:
+) -> dict[str, AnyArray]:
     """Return the arrays of the file of one person."""
     shape = np.concatenate([person.betas[0], person.expression[0]]).astype(np.float64)
     pelvis = model.rest_joints(shape)[0]

@@ -28,13 +28,10 @@ from physic_visual.rig import rigs
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from physic_core import ExportRequest
-    from physic_core.types import Person
+    from physic_core.types import Float64Array, Int64Array, Person
     from physic_visual.rig import Rig
 
-    Array = NDArray[np.float64]
 
 INSIDE_M = 0.04
 """Distance of the centre of mass from the edge of the soles after the turn, metres.
@@ -71,7 +68,7 @@ class ExportedPerson:
 
     index: int
     rig: Rig
-    vertices: Array
+    vertices: Float64Array
     carrying_feet: tuple[str, ...] = ()
     feet_on_floor: tuple[str, ...] = ()
     is_unsteady: bool = False
@@ -86,7 +83,7 @@ class ExportedPerson:
         steps = {side: float(self.foot(side, part)[:, 2].min()) for side in self.carrying_feet}
         return steps | dict.fromkeys(self.feet_on_floor, 0.0)
 
-    def foot(self, side: str, part: NDArray[np.int64]) -> Array:
+    def foot(self, side: str, part: Int64Array) -> Float64Array:
         """Return the vertices (n, 3) of a foot; ``part`` (V,) are the segments of the vertices."""
         joints = [JOINT_INDEX[f"{side}_{name}"] for name in ("ankle", "foot")]
         return self.vertices[np.isin(part, joints)]
@@ -119,7 +116,7 @@ def tiles_beside(
     centimetres into such feet, or ends below them.
     """
     tiles = convex_tiles(request.result)
-    to_camera: Array = np.linalg.inv(request.frame.from_camera).astype(np.float64)
+    to_camera: Float64Array = np.linalg.inv(request.frame.from_camera).astype(np.float64)
     bodies = []
     steps = []
     for person in people:
@@ -248,7 +245,7 @@ def balanced(person: ExportedPerson) -> ExportedPerson:
     return replace(turned, turned_deg=angle, inside_m=_distance_inside(edges, centre))
 
 
-def _turned(rig: Rig, centre: Array, aim: Array, feet: Sequence[str]) -> Rig:
+def _turned(rig: Rig, centre: Float64Array, aim: Float64Array, feet: Sequence[str]) -> Rig:
     """Return a rig whose centre of mass (3,) is turned about the ankles towards the vertical over a
     point (2,).
     """
@@ -279,7 +276,7 @@ def _set_down(person: ExportedPerson, height: float) -> ExportedPerson:
     )
 
 
-def _sole_edges(person: ExportedPerson) -> tuple[Array, Array]:
+def _sole_edges(person: ExportedPerson) -> tuple[Float64Array, Float64Array]:
     """Return the edges (n, 3) of the hull of the soles from above, and the centre of mass (3,).
 
     An edge is its unit normal outwards and its offset. Toes do not count: they are too weak to
@@ -296,15 +293,15 @@ def _sole_edges(person: ExportedPerson) -> tuple[Array, Array]:
     soles = [
         segments[joint].soles @ world[joint, :3, :3].T + world[joint, :3, 3] for joint in joints
     ]
-    edges: Array = ConvexHull(np.concatenate(soles)[:, :2]).equations
+    edges: Float64Array = ConvexHull(np.concatenate(soles)[:, :2]).equations
     return edges, masses @ np.stack(centres) / masses.sum()
 
 
-def _distance_inside(edges: Array, centre: Array) -> float:
+def _distance_inside(edges: Float64Array, centre: Float64Array) -> float:
     return float(-(edges[:, :2] @ centre[:2] + edges[:, 2]).max())
 
 
-def _aim(edges: Array, centre: Array) -> Array:
+def _aim(edges: Float64Array, centre: Float64Array) -> Float64Array:
     """Return the point (2,) nearest to a centre (3,) that is INSIDE_M inside the edges, or as far
     as they allow.
     """
@@ -322,5 +319,5 @@ def _aim(edges: Array, centre: Array) -> Array:
         method="SLSQP",
         constraints=limits,
     )
-    aim: Array = nearest.x
+    aim: Float64Array = nearest.x
     return aim

@@ -12,7 +12,7 @@ from physic_export.skeleton import named_rig, t_pose
 from physic_visual.rig import Rig, rigs
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import Float64Array
 
 _AXES = "ZXY"
 """Of the rotation channels, which BVH applies in this order: R = Rz Rx Ry."""
@@ -55,7 +55,7 @@ def _write_joint(rig: Rig, joint: int, depth: int, lines: list[str], order: list
     """Append the lines of a joint and its children, and their indices in this order."""
     order.append(joint)
     indent = "\t" * depth
-    offset: NDArray[np.float64] = rig.offsets[joint] if depth else np.zeros(3)
+    offset: Float64Array = rig.offsets[joint] if depth else np.zeros(3)
     position = "Xposition Yposition Zposition " if not depth else ""
     channels = " ".join(f"{axis}rotation" for axis in _AXES)
     lines += [

@@ -22,10 +22,8 @@ from physic_export.depth import mask_picture, pixels_of_people
 from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.export import ExportFrame
-    from physic_core.types import IntArray, Intrinsics, UInt8Array
+    from physic_core.types import Float64Array, IntArray, Intrinsics, UInt8Array
 
 _MAX_POINTS = 100_000
 """As many as tools that train on points start with."""
@@ -107,7 +105,7 @@ def _images(frame: ExportFrame, rows: IntArray, columns: IntArray) -> bytes:
     return head + _PHOTO.encode() + b"\0" + struct.pack("<Q", len(rows)) + pixels.tobytes()
 
 
-def _points(points: NDArray[np.float64], colors: UInt8Array) -> bytes:
+def _points(points: Float64Array, colors: UInt8Array) -> bytes:
     """Return each point with its colour and its place in the list of pixels."""
     records = np.zeros(len(points), _POINT)
     records["id"] = np.arange(1, len(points) + 1)

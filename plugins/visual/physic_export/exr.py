@@ -16,11 +16,8 @@ from physic_core.geometry import pixel_rays, project, rasterize
 from physic_export.depth import depth_of_scene, files_beside, mask_picture
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import FloatArray, Int64Array
 
-    from physic_core.types import FloatArray
-
-    IntArray = NDArray[np.int64]
 
 NOTHING_M = 1e10
 """Depth where none is known, as Blender writes it; inf and NaN spread in filters of pictures."""
@@ -52,7 +49,7 @@ def export_exr(request: ExportRequest) -> ExportedFiles:
     )
 
 
-def _with_people(depth: FloatArray, request: ExportRequest) -> tuple[FloatArray, IntArray]:
+def _with_people(depth: FloatArray, request: ExportRequest) -> tuple[FloatArray, Int64Array]:
     """Return a depth (H, W) with the bodies that are in front of it, and the person whose body each
     pixel shows (H, W), -1 for none.
     """

@@ -26,8 +26,7 @@ from physic_visual.textures.dressed import dressed_bodies
 from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from physic_core.types import Float64Array
     from physic_visual.glb_builder import GlbBuilder
     from physic_visual.rig import Rig
 
@@ -111,7 +110,7 @@ def add_animation(
     samplers: list[dict[str, Any]] = []
     channels: list[dict[str, Any]] = []
 
-    def add(node: int, path: str, values: NDArray[np.float64]) -> None:
+    def add(node: int, path: str, values: Float64Array) -> None:
         output = glb.add_accessor(values.astype(np.float32))
         samplers.append({"input": times, "output": output})
         channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})

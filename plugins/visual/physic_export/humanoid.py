@@ -21,12 +21,10 @@ from physic_core.geometry import rotmat_to_euler
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from physic_core.types import Float64Array, Int64Array
     from physic_visual.rig import Rig
 
-    Array = NDArray[np.float64]
-    Mesh = tuple[Array, NDArray[np.int64]]
+    Mesh = tuple[Float64Array, Int64Array]
 
 STRENGTH_NM_PER_KG: dict[str, float] = {
     "hip": 200 / 45,
@@ -162,8 +160,8 @@ class Hinge:
     angle: float
     low: float
     high: float
-    axis_in_pose: Array
-    axis_at_rest: Array
+    axis_in_pose: Float64Array
+    axis_at_rest: Float64Array
 
 
 @dataclass(frozen=True)
@@ -175,7 +173,7 @@ class Capsule:
         radius: metres.
     """
 
-    ends: Array
+    ends: Float64Array
     radius: float
 
 
@@ -200,17 +198,17 @@ class Segment:
 
     name: str
     parent: int
-    pose: Array
-    zero_pose: Array
+    pose: Float64Array
+    zero_pose: Float64Array
     hinges: tuple[Hinge, ...]
     mass: float
     skin: Mesh
     hull: Mesh
     capsule: Capsule | None
-    soles: Array
+    soles: Float64Array
 
 
-def inertia_of(mesh: Mesh, mass: float) -> tuple[Array, Array]:
+def inertia_of(mesh: Mesh, mass: float) -> tuple[Float64Array, Float64Array]:
     """Return the centre of mass (3,), and the moments of inertia (3, 3) about it, kg m2, of a
     closed mesh with uniform density.
     """
@@ -219,7 +217,7 @@ def inertia_of(mesh: Mesh, mass: float) -> tuple[Array, Array]:
     return np.asarray(shape.center_mass), np.asarray(shape.moment_inertia)
 
 
-def vertex_segments(weights: Array) -> NDArray[np.int64]:
+def vertex_segments(weights: Float64Array) -> Int64Array:
     """Return the segment (V,) in 0-21 that each vertex moves with, of skinning weights (V, 55)."""
     merged = np.zeros((len(weights), NUM_BODIES))
     for joint in range(weights.shape[1]):
@@ -227,11 +225,11 @@ def vertex_segments(weights: Array) -> NDArray[np.int64]:
         while above >= NUM_BODIES:
             above = PARENTS[above]
         merged[:, above] += weights[:, joint]
-    body: NDArray[np.int64] = merged.argmax(1)
+    body: Int64Array = merged.argmax(1)
     return body
 
 
-def body_segments(rig: Rig, vertices: Array, ground: Mapping[str, float]) -> list[Segment]:
+def body_segments(rig: Rig, vertices: Float64Array, ground: Mapping[str, float]) -> list[Segment]:
     """Return the 22 segments of a person in the order of JOINT_NAMES.
 
     Args:
@@ -277,7 +275,7 @@ def body_segments(rig: Rig, vertices: Array, ground: Mapping[str, float]) -> lis
     return segments
 
 
-def convex_hull(points: Array) -> Mesh:
+def convex_hull(points: Float64Array) -> Mesh:
     """Return vertices and faces of the convex hull of points (n, 3)."""
     import trimesh
 
@@ -285,7 +283,7 @@ def convex_hull(points: Array) -> Mesh:
     return np.asarray(hull.vertices), np.asarray(hull.faces)
 
 
-def _hinges(name: str, rotation: Array) -> tuple[tuple[Hinge, ...], Array]:
+def _hinges(name: str, rotation: Float64Array) -> tuple[tuple[Hinge, ...], Float64Array]:
     """Return the hinges of a joint whose rotation (3, 3) against the T-pose is that of the pose.
 
     Also returns the rest of the rotation (3, 3), about axes that the joint does not have.
@@ -296,11 +294,13 @@ def _hinges(name: str, rotation: Array) -> tuple[tuple[Hinge, ...], Array]:
     order += "".join(axis for axis in "zyx" if axis not in order)
     angles = rotmat_to_euler(order.upper(), rotation)
 
-    def turn(first: int) -> Array:
+    def turn(first: int) -> Float64Array:
         """Return the product (3, 3) of the rotations from one on."""
         if first == len(order):
             return np.eye(3)
-        turned: Array = Rotation.from_euler(order[first:].upper(), angles[first:]).as_matrix()
+        turned: Float64Array = Rotation.from_euler(
+            order[first:].upper(), angles[first:]
+        ).as_matrix()
         return turned.reshape(3, 3)
 
     rest = turn(len(limits))
@@ -319,7 +319,7 @@ def _hinges(name: str, rotation: Array) -> tuple[tuple[Hinge, ...], Array]:
     return tuple(hinges), rest
 
 
-def _capsule(name: str, points: Array, poses: Array, joint: int) -> Capsule | None:
+def _capsule(name: str, points: Float64Array, poses: Float64Array, joint: int) -> Capsule | None:
     """Return the capsule of an arm's points in its frame; None for other parts of the body."""
     side, _, plain = name.rpartition("_")
     if plain not in _CHILD_OF_LIMB:
@@ -337,12 +337,14 @@ def _capsule(name: str, points: Array, poses: Array, joint: int) -> Capsule | No
     return Capsule(center + ends[:, None] * axis, radius)
 
 
-def _owner_of_faces(parts: NDArray[np.int64]) -> NDArray[np.int64]:
+def _owner_of_faces(parts: Int64Array) -> Int64Array:
     """Return the part (F,) of most of the corners (F, 3) of each face; of three, the first."""
     return np.where(parts[:, 1] == parts[:, 2], parts[:, 1], parts[:, 0])
 
 
-def _joint(rig: Rig, poses: Array, joint: int) -> tuple[Array, Array, tuple[Hinge, ...]]:
+def _joint(
+    rig: Rig, poses: Float64Array, joint: int
+) -> tuple[Float64Array, Float64Array, tuple[Hinge, ...]]:
     """Return the pose (4, 4) of a joint in the frame of its parent, the same with all hinges at 0,
     and its hinges.
     """
@@ -374,7 +376,7 @@ def _sole_level(name: str, lowest: Sequence[float], ground: Mapping[str, float])
     return other if 0 < level - other < FLAT_M else level
 
 
-def _soles(points: Array, up: Array, drop: float) -> Array:
+def _soles(points: Float64Array, up: Float64Array, drop: float) -> Float64Array:
     """Return the centres (n, 3) of spheres at the outline of the lowest skin, on one level, as
     under a shoe.
 
@@ -396,7 +398,7 @@ def _soles(points: Array, up: Array, drop: float) -> Array:
         sole = np.argsort(height)[:8]
     level = points[sole] - (height[sole] - height.min() + drop - SOLE_RADIUS_M)[:, None] * up
     flat = level @ np.linalg.svd(up[None])[2][1:].T
-    outline: Array = level[ConvexHull(flat).vertices]
+    outline: Float64Array = level[ConvexHull(flat).vertices]
     kept = [0]
     while len(kept) < min(_SOLE_POINTS, len(outline)):
         apart = np.linalg.norm(outline[:, None] - outline[kept], axis=2).min(1)
@@ -404,6 +406,6 @@ def _soles(points: Array, up: Array, drop: float) -> Array:
     return outline[kept]
 
 
-def _volume(vertices: Array, faces: NDArray[np.int64]) -> float:
+def _volume(vertices: Float64Array, faces: Int64Array) -> float:
     a, b, c = vertices[faces].transpose(1, 0, 2)
     return float(np.abs((a * np.cross(b, c)).sum() / 6))

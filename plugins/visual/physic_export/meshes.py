@@ -6,7 +6,7 @@ PLY has every valid point of the scene; OBJ has meshes with textures; STL has bo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,10 +18,17 @@ from physic_visual.surface import mesh_scene, scene_reach, unit_normals
 from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.export import ExportFrame
-    from physic_core.types import BoolArray, Plane, Reconstruction, UInt8Array
+    from physic_core.types import (
+        AnyArray,
+        BoolArray,
+        Float32Array,
+        Float64Array,
+        Int64Array,
+        Plane,
+        Reconstruction,
+        UInt8Array,
+    )
 
 
 _VERTEX = np.dtype(
@@ -49,12 +56,12 @@ class ColoredMesh:
     """
 
     name: str
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    normals: NDArray[np.float32]
+    vertices: Float64Array
+    faces: Int64Array
+    normals: Float32Array
     colors: UInt8Array
     contact: BoolArray
-    uv: NDArray[np.float64] | None = None
+    uv: Float64Array | None = None
 
 
 def person_meshes(request: ExportRequest, skins: Skins) -> list[ColoredMesh]:
@@ -271,8 +278,8 @@ def _append_object(
     text: list[str],
     mesh: ColoredMesh,
     material: str,
-    uv: NDArray[np.float64],
-    corners: NDArray[np.int64] | None,
+    uv: Float64Array,
+    corners: Int64Array | None,
     at: tuple[int, int],
 ) -> tuple[int, int]:
     """Write an object; return the numbers of the next vertex and of the next texture coordinate.
@@ -305,7 +312,7 @@ def _append_object(
 _ROWS = 4096  # of a file at a time
 
 
-def _lines(form: str, rows: NDArray[Any]) -> list[str]:
+def _lines(form: str, rows: AnyArray) -> list[str]:
     """Return the lines of rows (n, k), many in one string; ``np.savetxt`` takes twice as long."""
     blocks = (rows[start : start + _ROWS] for start in range(0, len(rows), _ROWS))
     return [form * len(block) % tuple(block.ravel().tolist()) for block in blocks]

@@ -10,7 +10,7 @@ import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 import numpy as np
@@ -43,10 +43,8 @@ from physic_visual.surface import mesh_scene, scene_reach
 from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.body import BodyArrays
-    from physic_core.types import Intrinsics, Person
+    from physic_core.types import Float64Array, IntArray, Intrinsics, Person
 
 RGBA = "0.77 0.75 0.73 1"
 FRICTION = "0.8 0.005 0.0001"
@@ -67,9 +65,9 @@ class _File:
     def add_mesh(
         self,
         name: str,
-        vertices: NDArray[np.float64],
-        faces: NDArray[np.integer[Any]],
-        uv: NDArray[np.float64] | None = None,
+        vertices: Float64Array,
+        faces: IntArray,
+        uv: Float64Array | None = None,
     ) -> dict[str, str]:
         """Add a mesh whose numbers are in the file itself, closed unless it has texture coordinates
         (V, 2), v up; return the attributes of a geom of the same name that shows it.
@@ -205,8 +203,8 @@ def _add_shapes(
 def _add_inertia(
     body: Element,
     mass: float,
-    center: NDArray[np.float64],
-    inertia: NDArray[np.float64],
+    center: Float64Array,
+    inertia: Float64Array,
 ) -> None:
     """Add the mass of a body: readers that skip meshes in the file would leave it out."""
     moments = [inertia[at] for at in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
@@ -330,13 +328,13 @@ def _add_visual(root: Element, camera: Intrinsics) -> None:
     SubElement(visual, "map", znear="0.01")
 
 
-def _add_tile(file: _File, name: str, tile: Tile, matrix: NDArray[np.float64]) -> None:
+def _add_tile(file: _File, name: str, tile: Tile, matrix: Float64Array) -> None:
     """Add a collision mesh of the scene."""
     shape = file.add_mesh(name, transform_points(matrix, tile.vertices), tile.faces)
     SubElement(file.world, "geom", shape | {"rgba": number_text([*tile.color, 1.0], 3)} | _HARD)
 
 
-def _add_camera(world: Element, camera: Intrinsics, pose: NDArray[np.float64]) -> None:
+def _add_camera(world: Element, camera: Intrinsics, pose: Float64Array) -> None:
     SubElement(
         world,
         "camera",
@@ -395,7 +393,7 @@ def _add_rigid(
     name: str,
     person: Person,
     model: BodyArrays,
-    matrix: NDArray[np.float64],
+    matrix: Float64Array,
 ) -> None:
     """Add a mocap body with a visual mesh and one convex collision mesh for each body part."""
     if len(model.template) != len(person.vertices):

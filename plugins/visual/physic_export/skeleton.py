@@ -13,8 +13,7 @@ from physic_core.body import JOINT_NAMES
 from physic_core.geometry import transform_points
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from physic_core.types import Float64Array
     from physic_visual.rig import Rig
 
 _MIXAMO = {
@@ -105,7 +104,7 @@ def _name_of_vrm(joint: str) -> str:
     return name[0].lower() + name[1:]
 
 
-def named_rig(rig: Rig, style: str, up: NDArray[np.float64]) -> Rig:
+def named_rig(rig: Rig, style: str, up: Float64Array) -> Rig:
     """Return a rig with the names of a style, see :func:`bone_names`.
 
     Unreal's mannequin hangs on the bone ``root``, which moves no vertex: it is below the pelvis at
@@ -174,7 +173,7 @@ def with_ends(rig: Rig) -> Rig:
     )
 
 
-def t_pose(rig: Rig, up: NDArray[np.float64]) -> Rig:
+def t_pose(rig: Rig, up: Float64Array) -> Rig:
     """Return a rig in the T-pose: upright, at the place of the pose, with the soles at height 0. It
     faces the camera's side of the frame, as programs that move poses to other figures expect.
 
@@ -192,7 +191,7 @@ def t_pose(rig: Rig, up: NDArray[np.float64]) -> Rig:
     return replace(standing, offsets=offsets)
 
 
-def at_rest(rig: Rig, up: NDArray[np.float64]) -> Rig:
+def at_rest(rig: Rig, up: Float64Array) -> Rig:
     """Return a rig whose joints and mesh are in the bind pose, where :func:`t_pose` stands."""
     pelvis = int(rig.names[0] == "root")
     place = t_pose(rig, up).joint_poses()[pelvis] @ rig.inverse_bind[pelvis]

@@ -22,12 +22,9 @@ from physic_export.humanoid import convex_hull
 from physic_visual.surface import is_near, mesh_scene, scene_reach
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import Reconstruction
+    from physic_core.types import Float64Array, Int64Array, Reconstruction
     from physic_export.humanoid import Segment
 
-    Array = NDArray[np.float64]
 
 MEET_M = 0.02
 """Distance of parts of two people below which their shapes, which are simpler, may overlap,
@@ -74,9 +71,9 @@ class Tile:
         color: (3,) mean sRGB in 0-1.
     """
 
-    vertices: Array
-    faces: NDArray[np.int64]
-    color: Array
+    vertices: Float64Array
+    faces: Int64Array
+    color: Float64Array
 
 
 def convex_tiles(result: Reconstruction) -> list[Tile]:
@@ -103,7 +100,7 @@ def convex_tiles(result: Reconstruction) -> list[Tile]:
     return [tile for tile in tiles if tile is not None]
 
 
-def step_under(foot: Array, to_camera: Array) -> Tile:
+def step_under(foot: Float64Array, to_camera: Float64Array) -> Tile:
     """Return a flat tile under a foot.
 
     Args:
@@ -120,7 +117,7 @@ def step_under(foot: Array, to_camera: Array) -> Tile:
     return Tile(*hull, np.full(3, 0.5))
 
 
-def tiles_without(tiles: Sequence[Tile], bodies: Sequence[Array]) -> list[Tile]:
+def tiles_without(tiles: Sequence[Tile], bodies: Sequence[Float64Array]) -> list[Tile]:
     """Return the tiles that reach at most PRESSED_M into convex bodies (n, 3) of the camera frame.
 
     Points of either are sought in the other: a tile can be smaller than a body.
@@ -147,7 +144,9 @@ def tiles_without(tiles: Sequence[Tile], bodies: Sequence[Array]) -> list[Tile]:
     return kept
 
 
-def parts_that_meet(one: Sequence[Array], other: Sequence[Array]) -> list[tuple[int, int]]:
+def parts_that_meet(
+    one: Sequence[Float64Array], other: Sequence[Float64Array]
+) -> list[tuple[int, int]]:
     """Return the pairs of convex bodies (n, 3), of one list and of another, that overlap or are
     less than MEET_M apart.
     """
@@ -176,7 +175,7 @@ def segments_that_meet(segments: Sequence[Segment]) -> list[tuple[int, int]]:
     """
     met: set[tuple[int, int]] = set()
     for pose in ("pose", "zero_pose"):
-        places: list[Array] = []
+        places: list[Float64Array] = []
         for one in segments:
             local = getattr(one, pose)
             places.append(local if one.parent < 0 else places[one.parent] @ local)
@@ -188,7 +187,7 @@ def segments_that_meet(segments: Sequence[Segment]) -> list[tuple[int, int]]:
     return sorted((a, b) for a, b in met if a < b and segments[b].parent != a)
 
 
-def _depth_inside(points: Array, facets: Array) -> float:
+def _depth_inside(points: Float64Array, facets: Float64Array) -> float:
     """Return how far the deepest of points (n, 3) is behind all facets of a hull; negative if all
     are outside.
     """
@@ -222,9 +221,7 @@ def tile_errors(result: Reconstruction, tiles: Sequence[Tile]) -> tuple[float, f
     return (float(np.median(apart)), float(np.quantile(apart, 0.95))) if len(apart) else None
 
 
-def _top_squares(
-    cells: NDArray[np.int64], faces: NDArray[np.int64], side: int
-) -> list[NDArray[np.int64]]:
+def _top_squares(cells: Int64Array, faces: Int64Array, side: int) -> list[Int64Array]:
     """Divide faces by the square of ``side`` cells that they lie in."""
     square = cells[faces] // side
     key = square[:, 0] * (1 << 20) + square[:, 1]
@@ -233,12 +230,12 @@ def _top_squares(
 
 
 def _flat_patches(
-    inside: NDArray[np.int64],
+    inside: Int64Array,
     side: int,
-    cells: NDArray[np.int64],
-    faces: NDArray[np.int64],
-    points: Array,
-) -> Iterator[NDArray[np.int64]]:
+    cells: Int64Array,
+    faces: Int64Array,
+    points: Float64Array,
+) -> Iterator[Int64Array]:
     """Yield the points of the faces in one square, or of each of its four squares if they are not
     flat.
     """
@@ -252,19 +249,19 @@ def _flat_patches(
         yield from _flat_patches(quarter, side // 2, cells, faces, points)
 
 
-def _plane_axis(points: Array) -> Array:
+def _plane_axis(points: Float64Array) -> Float64Array:
     """Return the unit normal (3,) of the plane through points, away from the camera."""
     centered = points - points.mean(0)
-    normal: Array = np.linalg.eigh(centered.T @ centered)[1][:, 0]
+    normal: Float64Array = np.linalg.eigh(centered.T @ centered)[1][:, 0]
     return normal if normal @ points.mean(0) > 0 else -normal
 
 
-def _deviation(points: Array) -> float:
+def _deviation(points: Float64Array) -> float:
     centered = points - points.mean(0)
     return float(np.abs(centered @ _plane_axis(points)).max())
 
 
-def _vertices_and_normals(result: Reconstruction) -> tuple[Array, Array]:
+def _vertices_and_normals(result: Reconstruction) -> tuple[Float64Array, Float64Array]:
     """Return vertices and outward normals (n, 3) of all people with a body."""
     bodies = [np.asarray(one.vertices, np.float64) for one in result.people if one.has_body]
     faces = np.asarray(result.faces, np.int64)
@@ -272,7 +269,13 @@ def _vertices_and_normals(result: Reconstruction) -> tuple[Array, Array]:
     return np.concatenate([np.zeros((0, 3)), *bodies]), np.concatenate([np.zeros((0, 3)), *normals])
 
 
-def _depth_to_skin(points: Array, axis: Array, skin: Array, normals: Array, tree: cKDTree) -> float:
+def _depth_to_skin(
+    points: Float64Array,
+    axis: Float64Array,
+    skin: Float64Array,
+    normals: Float64Array,
+    tree: cKDTree,
+) -> float:
     """Return the distance along an axis from a patch to the skin behind it that faces it; infinite
     without such skin.
 
@@ -297,7 +300,11 @@ def _depth_to_skin(points: Array, axis: Array, skin: Array, normals: Array, tree
 
 
 def _thicken(
-    points: Array, color: Array, skin: Array, normals: Array, tree: cKDTree
+    points: Float64Array,
+    color: Float64Array,
+    skin: Float64Array,
+    normals: Float64Array,
+    tree: cKDTree,
 ) -> Tile | None:
     """Return the convex hull of points and of the same points moved away from the camera; None if
     it is degenerate.

@@ -25,12 +25,10 @@ from physic_export.tiles import segments_that_meet
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from physic_core.types import Float64Array
     from physic_export.humanoid import Capsule, Mesh, Segment
     from physic_export.tiles import Tile
 
-    Array = NDArray[np.float64]
 
 _FASTEST_RAD_S = 30.0
 """Largest speed of a joint, which the format demands: about that of a knee that kicks a ball."""
@@ -224,19 +222,19 @@ def _add_capsule(link: Element, capsule: Capsule) -> None:
         _add_sphere(link, end, capsule.radius)
 
 
-def _add_sphere(link: Element, center: Array, radius: float) -> None:
+def _add_sphere(link: Element, center: Float64Array, radius: float) -> None:
     place = np.eye(4)
     place[:3, 3] = center
     _add_collision(link, place, "sphere", radius=f"{radius:.5f}")
 
 
-def _add_collision(link: Element, place: Array, shape: str, **sizes: str) -> None:
+def _add_collision(link: Element, place: Float64Array, shape: str, **sizes: str) -> None:
     collision = SubElement(link, "collision")
     SubElement(collision, "origin", _origin(place))
     SubElement(SubElement(collision, "geometry"), shape, sizes)
 
 
-def _add_inertia(link: Element, mass: float, center: Array, inertia: Array) -> None:
+def _add_inertia(link: Element, mass: float, center: Float64Array, inertia: Float64Array) -> None:
     inertial = SubElement(link, "inertial")
     SubElement(inertial, "origin", xyz=number_text(center), rpy="0 0 0")
     SubElement(inertial, "mass", value=f"{mass:.4f}")
@@ -246,7 +244,7 @@ def _add_inertia(link: Element, mass: float, center: Array, inertia: Array) -> N
     )
 
 
-def _origin(place: Array) -> dict[str, str]:
+def _origin(place: Float64Array) -> dict[str, str]:
     """Return position and fixed-axis angles (roll, pitch, yaw) of a pose (4, 4)."""
     angles = rotmat_to_euler("xyz", place[:3, :3])
     return {"xyz": number_text(place[:3, 3]), "rpy": number_text(angles.tolist(), 8)}

@@ -29,9 +29,7 @@ from physic_visual.textures.photo import encode_image
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from numpy.typing import NDArray
-
-    from physic_core.types import Intrinsics
+    from physic_core.types import AnyArray, Float64Array, FloatArray, Int64Array, Intrinsics
     from physic_visual.rig import Rig
 
 _ZIP_EPOCH = 315619200  # 1980-01-02, which no time zone moves before the first time of a zip file
@@ -68,7 +66,7 @@ def _set_poses(animation: Any, poses: Iterable[tuple[Any, Rig]]) -> None:
         rotations.Set(quaternions, time)
 
 
-def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: NDArray[np.float64]) -> None:
+def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: Float64Array) -> None:
     """Add ``skeleton`` and ``animation`` to a SkelRoot, and bind its mesh to them.
 
     Args:
@@ -116,7 +114,7 @@ def _joint_paths(rig: Rig) -> list[str]:
     return paths
 
 
-def _matrices(matrices: NDArray[np.floating[Any]]) -> Any:
+def _matrices(matrices: FloatArray) -> Any:
     """Return (n, 4, 4) matrices as USD has them: it multiplies row vectors from the left."""
     from pxr import Gf, Vt
 
@@ -234,7 +232,7 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
     _make_collider(collider, UsdPhysics.Tokens.convexDecomposition)
 
 
-def _add_extents(root: Any, mesh: Any, posed: NDArray[Any]) -> None:
+def _add_extents(root: Any, mesh: Any, posed: AnyArray) -> None:
     """State the bounds of a person: at time 0 those of the T-pose, at time 1 those of the pose (V,
     3).
 
@@ -255,7 +253,7 @@ def _add_extents(root: Any, mesh: Any, posed: NDArray[Any]) -> None:
     extent.Set(_extent(posed))
 
 
-def _extent(points: NDArray[Any]) -> list[Any]:
+def _extent(points: AnyArray) -> list[Any]:
     """Return the lower and the upper corner of the box around points (V, 3)."""
     from pxr import Gf
 
@@ -307,7 +305,7 @@ def _add_mesh(stage: Any, path: str, mesh: ColoredMesh) -> Any:
     """Add a mesh with normals and displayColor, and return it."""
     from pxr import Sdf, UsdGeom, Vt
 
-    def vectors(values: NDArray[Any]) -> Any:
+    def vectors(values: AnyArray) -> Any:
         return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
 
     prim = UsdGeom.Mesh.Define(stage, path)
@@ -335,7 +333,7 @@ def _make_collider(mesh: Any, shape: str) -> None:
     UsdPhysics.MeshCollisionAPI.Apply(mesh.GetPrim()).CreateApproximationAttr(shape)
 
 
-def _add_uv(mesh: Any, uv: NDArray[Any], corners: NDArray[np.int64]) -> None:
+def _add_uv(mesh: Any, uv: AnyArray, corners: Int64Array) -> None:
     """Add texture coordinates (U, 2) and the indices (F, 3) of the corners."""
     from pxr import Sdf, UsdGeom, Vt
 
@@ -383,7 +381,7 @@ matters.
 """
 
 
-def _add_camera(stage: Any, camera: Intrinsics, pose: NDArray[np.float64]) -> None:
+def _add_camera(stage: Any, camera: Intrinsics, pose: Float64Array) -> None:
     from pxr import Gf, UsdGeom
 
     prim = UsdGeom.Camera.Define(stage, "/physic/camera")
@@ -403,7 +401,7 @@ def _add_camera(stage: Any, camera: Intrinsics, pose: NDArray[np.float64]) -> No
     prim.AddTransformOp().Set(_matrices(pose[None])[0])
 
 
-def _add_gravity(stage: Any, up: NDArray[np.float64]) -> None:
+def _add_gravity(stage: Any, up: Float64Array) -> None:
     from pxr import Gf, UsdPhysics
 
     scene = UsdPhysics.Scene.Define(stage, "/physic/physics")

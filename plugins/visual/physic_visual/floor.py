@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_core.geometry import transform_points
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.export import ExportFrame
-    from physic_core.types import Reconstruction
+    from physic_core.types import Float64Array, Int64Array, IntArray, Reconstruction
     from physic_visual.surface import SceneMesh
 
 _MARGIN_M = 0.5
@@ -33,7 +31,7 @@ _HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 
 def drawn_floor(
     result: Reconstruction, frame: ExportFrame, surface: SceneMesh
-) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
+) -> tuple[Float64Array, Int64Array] | None:
     """Return vertices (4 n, 3) and faces (2 n, 3) of rectangles on the floor; None without a floor.
 
     They lie within the convex outline of scene and people, seen from above, and not where
@@ -64,7 +62,7 @@ def drawn_floor(
     return vertices, (4 * np.arange(len(spots))[:, None, None] + corners).reshape(-1, 3)
 
 
-def _samples(places: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+def _samples(places: Float64Array, faces: Int64Array) -> Float64Array:
     """Return places (M, 2) on faces (F, 3), at most about a square apart: their corners, and more
     of those that are larger than a square.
     """
@@ -76,9 +74,7 @@ def _samples(places: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[n
     return np.concatenate([places[used], np.stack(inner, 1)])
 
 
-def _free_squares(
-    outline: NDArray[np.float64], covered: NDArray[np.float64]
-) -> NDArray[np.integer[Any]]:
+def _free_squares(outline: Float64Array, covered: Float64Array) -> IntArray:
     """Return squares (H, W), 1 within the convex outline of places (N, 2) and not at others (M, 2),
     which are columns and rows.
     """
@@ -97,7 +93,7 @@ def _free_squares(
     return np.asarray(free)
 
 
-def _rectangles(squares: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
+def _rectangles(squares: IntArray) -> Int64Array:
     """Return the corners (n, 4, 2), column and row, of the rows' runs of squares that are 1."""
     steps = np.diff(np.pad(squares, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     row, start = np.nonzero(steps == 1)

@@ -42,9 +42,17 @@ from physic_visual.textures.dressed import (
 from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import Intrinsics, Reconstruction
+    from physic_core.types import (
+        AnyArray,
+        Float32Array,
+        Float64Array,
+        FloatArray,
+        Int64Array,
+        IntArray,
+        Intrinsics,
+        Reconstruction,
+        UInt8Array,
+    )
     from physic_visual.textures.raster import TextureCoordinates
 
 _WEIGHT_LOSS = 1e-3
@@ -81,7 +89,7 @@ class Appearance:
     material: dict[str, Any]
     primitive: Mapping[str, Any] = field(default_factory=dict)
     mesh: TextureCoordinates | None = None
-    attributes: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    attributes: Mapping[str, AnyArray] = field(default_factory=dict)
     accessors: Mapping[str, int] = field(default_factory=dict)
 
 
@@ -289,8 +297,8 @@ def _use_extension(glb: GlbBuilder, extension: str) -> None:
 
 
 def skin_influences(
-    weights: NDArray[np.floating[Any]],
-) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    weights: FloatArray,
+) -> tuple[UInt8Array, Float32Array]:
     """Return joints and weights (V, 4) or (V, 8) of each vertex: the largest, normalised if little
     was lost.
 
@@ -386,7 +394,7 @@ def _add_mesh(
     glb: GlbBuilder,
     name: str,
     attributes: dict[str, int],
-    faces: NDArray[np.integer[Any]],
+    faces: IntArray,
     look: Appearance,
     **node: int,
 ) -> int:
@@ -398,7 +406,7 @@ def _add_mesh(
 
 
 def _primitive(
-    glb: GlbBuilder, attributes: dict[str, int], faces: NDArray[np.integer[Any]], look: Appearance
+    glb: GlbBuilder, attributes: dict[str, int], faces: IntArray, look: Appearance
 ) -> dict[str, Any]:
     indices = glb.add_accessor(
         faces.reshape(-1).astype(np.uint16 if faces.max() < 65535 else np.uint32), INDICES
@@ -444,9 +452,9 @@ def _add_scene(glb: GlbBuilder, request: ExportRequest) -> list[int]:
 
 def _primitives_in_parts(
     glb: GlbBuilder,
-    vertices: NDArray[np.float32],
-    places: NDArray[np.float32],
-    faces: NDArray[np.int64],
+    vertices: Float32Array,
+    places: Float32Array,
+    faces: Int64Array,
     look: Appearance,
 ) -> list[dict[str, Any]]:
     """Return primitives of faces (F, 3) with texture coordinates ``places``, whose indices are
@@ -514,7 +522,7 @@ def _add_assumed(glb: GlbBuilder, request: ExportRequest) -> list[int]:
     return nodes
 
 
-def _add_camera(glb: GlbBuilder, camera: Intrinsics, pose: NDArray[np.float64]) -> int:
+def _add_camera(glb: GlbBuilder, camera: Intrinsics, pose: Float64Array) -> int:
     """Add the camera of the photo at a pose (4, 4), and return the index of its node."""
     height = camera.height / camera.fy
     width = camera.width / camera.fx

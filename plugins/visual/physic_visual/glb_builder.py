@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import AnyArray
 
 ARRAY = 34962
 INDICES = 34963
@@ -68,7 +68,7 @@ class GlbBuilder:
 
     def add_accessor(
         self,
-        values: NDArray[Any],
+        values: AnyArray,
         target: int | None = None,
         *,
         with_bounds: bool = False,

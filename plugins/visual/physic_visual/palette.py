@@ -13,9 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from physic_core.types import ContactPartner, Person, Reconstruction, UInt8Array
+    from physic_core.types import ContactPartner, Float64Array, Person, Reconstruction, UInt8Array
 
 _Rgb = tuple[int, int, int]
 
@@ -109,7 +107,7 @@ def contact_colors(person: Person, partners: Sequence[ContactPartner]) -> UInt8A
     return colors
 
 
-def contact_strength(person: Person) -> NDArray[np.float64]:
+def contact_strength(person: Person) -> Float64Array:
     """Return how strongly contact is painted (V,): 1 where it is likely or has no probability, at
     most 0.25 below.
     """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import ImageDraw, ImageFont
@@ -23,12 +23,9 @@ from physic_visual.render import (
 from physic_visual.views import PAGE_RGB
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import Reconstruction, UInt8Array
+    from physic_core.types import AnyArray, Float64Array, Int64Array, Reconstruction, UInt8Array
     from physic_visual.views import PreviewGeometry
 
-    Array = NDArray[np.float64]
 
 _OUTLINE_PX = 2
 _STEP = 0.05  # difference of colour between two people, or a person and the background, of 1
@@ -109,7 +106,7 @@ def depth_panel(reconstruction: Reconstruction, width: int, height: int) -> UInt
     """
     import cv2
 
-    def shrunk(array: NDArray[Any]) -> NDArray[Any]:
+    def shrunk(array: AnyArray) -> AnyArray:
         return np.asarray(cv2.resize(array, (width, height), interpolation=cv2.INTER_NEAREST))
 
     scene = reconstruction.scene
@@ -127,7 +124,7 @@ def depth_panel(reconstruction: Reconstruction, width: int, height: int) -> UInt
     return picture
 
 
-def colored_depth(depth: NDArray[Any], near: float, far: float) -> UInt8Array:
+def colored_depth(depth: AnyArray, near: float, far: float) -> UInt8Array:
     """Convert a depth map (H, W) in metres to turbo colours of its logarithm, near red, far
     blue.
     """
@@ -167,7 +164,7 @@ def render_contact_views(
 
 
 def _contact_cameras(
-    vertices: Array, joints: Array, widths: NDArray[np.int64], height: int
+    vertices: Float64Array, joints: Float64Array, widths: Int64Array, height: int
 ) -> list[View]:
     """Return the cameras of ``CONTACT_VIEWS`` of a person, for pictures of a size in px."""
     sides = _view_axes(joints)
@@ -184,7 +181,7 @@ def _contact_cameras(
     ]
 
 
-def _view_axes(joints: Array) -> list[Array]:
+def _view_axes(joints: Float64Array) -> list[Float64Array]:
     """Return the axes (3, 3) to the right, the top and the eye (upright frame) of each of
     ``CONTACT_VIEWS`` of one person.
     """
@@ -203,7 +200,7 @@ def _view_axes(joints: Array) -> list[Array]:
     return [np.stack([right, above, np.cross(right, above)]) for right, above in sides]
 
 
-def _unit(vector: Array, otherwise: Array) -> Array:
+def _unit(vector: Float64Array, otherwise: Float64Array) -> Float64Array:
     length = float(np.linalg.norm(vector))
     return vector / length if length > 1e-6 else otherwise
 

@@ -7,18 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.geometry import RayCaster
-    from physic_core.types import Intrinsics
+    from physic_core.types import (
+        Float32Array,
+        Float64Array,
+        FloatArray,
+        Int64Array,
+        Intrinsics,
+        UInt8Array,
+    )
 
-    Array = NDArray[np.float64]
-    AnyFloat = NDArray[np.floating[Any]]
 
 _RAYS = 2  # along each side of a pixel that has an edge
 _EDGE = 0.06  # difference of colour or coverage between neighbouring pixels that is an edge, of 1
@@ -44,10 +47,10 @@ class View:
         is_parallel: whether rays are parallel.
     """
 
-    axes: Array
-    origin: Array
-    focal: Array
-    centre: Array
+    axes: Float64Array
+    origin: Float64Array
+    focal: Float64Array
+    centre: Float64Array
     size: tuple[int, int]
     is_parallel: bool
 
@@ -63,7 +66,12 @@ class View:
 
     @classmethod
     def orthographic(
-        cls, axes: Array, middle: Array, scale: float, size: tuple[int, int], start: float = 50.0
+        cls,
+        axes: Float64Array,
+        middle: Float64Array,
+        scale: float,
+        size: tuple[int, int],
+        start: float = 50.0,
     ) -> View:
         """Return a view of parallel rays.
 
@@ -78,11 +86,11 @@ class View:
         origin = middle + start * axes[2]
         return cls(axes * [[1.0], [-1.0], [-1.0]], origin, np.full(2, scale), centre, size, True)
 
-    def project(self, points: AnyFloat) -> AnyFloat:
+    def project(self, points: FloatArray) -> FloatArray:
         """Project points (N, 3) to column and row in px, and distance from the origin along the
         view in metres.
         """
-        spots: AnyFloat = (points - self.origin.astype(points.dtype)) @ self.axes.T.astype(
+        spots: FloatArray = (points - self.origin.astype(points.dtype)) @ self.axes.T.astype(
             points.dtype
         )
         if not self.is_parallel:
@@ -91,7 +99,7 @@ class View:
         spots[:, :2] += self.centre
         return spots
 
-    def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
+    def rays(self, columns: Float64Array, rows: Float64Array) -> tuple[Float64Array, Float64Array]:
         """Return origins and unit directions (N, 3) of the rays through columns and rows (N,)."""
         beside = ((np.stack([columns, rows], -1) - self.centre) / self.focal) @ self.axes[:2]
         if self.is_parallel:
@@ -112,12 +120,12 @@ class RenderedLayer:
         distance: (H, W) float32 as in :meth:`View.project`, metres; inf where empty.
     """
 
-    color: NDArray[np.float32]
-    alpha: NDArray[np.float32]
-    distance: NDArray[np.float32]
+    color: Float32Array
+    alpha: Float32Array
+    distance: Float32Array
 
 
-def prepare_meshes(bodies: Sequence[Array], faces: NDArray[np.int64]) -> RayCaster | None:
+def prepare_meshes(bodies: Sequence[Float64Array], faces: Int64Array) -> RayCaster | None:
     """Concatenate bodies (at least one) with common faces for ray casting; None without triangles.
 
     Triangles with an edge above :data:`LONGEST_BODY_EDGE_M` are skipped. It bounds the time for
@@ -139,7 +147,7 @@ def prepare_meshes(bodies: Sequence[Array], faces: NDArray[np.int64]) -> RayCast
     return RayCaster(vertices, triangles) if len(triangles) else None
 
 
-def render_mesh(shapes: RayCaster, viewer: View, colors: Array) -> RenderedLayer:
+def render_mesh(shapes: RayCaster, viewer: View, colors: Float64Array) -> RenderedLayer:
     """Render meshes by ray casting: one ray a pixel, and four where there is an edge.
 
     Args:
@@ -174,7 +182,7 @@ def render_mesh(shapes: RayCaster, viewer: View, colors: Array) -> RenderedLayer
     return RenderedLayer(color[..., :-1], color[..., -1], distance)
 
 
-def _box_around(spots: AnyFloat, size: tuple[int, int]) -> list[list[int]]:
+def _box_around(spots: FloatArray, size: tuple[int, int]) -> list[list[int]]:
     """Return the first column and row of the pixels that contain spots (N, 2), and those behind the
     last.
     """
@@ -186,21 +194,21 @@ def _box_around(spots: AnyFloat, size: tuple[int, int]) -> list[list[int]]:
 
 
 def blend_over(
-    layer: RenderedLayer, picture: NDArray[np.float32], opacity: float | NDArray[np.float32] = 1.0
-) -> NDArray[np.float32]:
+    layer: RenderedLayer, picture: Float32Array, opacity: float | Float32Array = 1.0
+) -> Float32Array:
     """Composite a rendered layer over an opaque image (H, W, 3) in 0-1, with one opacity or one per
     pixel (H, W, 1).
     """
     return layer.color * opacity + picture * (1.0 - opacity * layer.alpha[..., None])
 
 
-def picture_bytes(picture: NDArray[np.floating[Any]]) -> NDArray[np.uint8]:
+def picture_bytes(picture: FloatArray) -> UInt8Array:
     """Return an image in 0-1 as bytes; what is beyond is clipped."""
     return np.asarray(np.clip(picture, 0.0, 1.0) * 255 + 0.5, np.uint8)
 
 
 def render_points(
-    viewer: View, points: AnyFloat, colors: AnyFloat, radius: int = 1
+    viewer: View, points: FloatArray, colors: FloatArray, radius: int = 1
 ) -> RenderedLayer:
     """Render points (N, 3) with sRGB colours (N, 3) as squares of 2 ``radius`` + 1 px, the nearest
     on top.
@@ -234,8 +242,8 @@ def render_points(
 
 
 def _cast_rays(
-    shapes: RayCaster, viewer: View, colors: Array, columns: Array, rows: Array
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    shapes: RayCaster, viewer: View, colors: Float64Array, columns: Float64Array, rows: Float64Array
+) -> tuple[Float32Array, Float32Array]:
     """Cast rays (...); return colour and coverage (..., C + 1), 0 without a hit, and distance
     (...), inf there.
     """
@@ -256,7 +264,7 @@ def _cast_rays(
     return color.reshape(*columns.shape, color.shape[1]), distance.reshape(columns.shape)
 
 
-def shade(normals: Array, axes: Array, base: Array) -> Array:
+def shade(normals: Float64Array, axes: Float64Array, base: Float64Array) -> Float64Array:
     """Shade colours (N, 3) with a light from the upper left, one from above and darker silhouettes.
 
     Args:

@@ -14,13 +14,10 @@ from physic_core.errors import InputError, PhysicError
 from physic_core.geometry import rotvec_to_rotmat_numpy, transform_points
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.body import BodyArrays
     from physic_core.export import ExportFrame, ExportRequest
-    from physic_core.types import Person, Reconstruction
+    from physic_core.types import Float64Array, Int64Array, Person, Reconstruction
 
-    Array = NDArray[np.float64]
 
 _SAME_BODY_M = 1e-3
 """Maximum distance of the posed vertices from those of the result, metres; a larger one is another
@@ -50,14 +47,14 @@ class Rig:
 
     names: tuple[str, ...]
     parents: tuple[int, ...]
-    vertices: Array
-    faces: NDArray[np.int64]
-    weights: Array
-    inverse_bind: Array
-    rotations: Array
-    offsets: Array
+    vertices: Float64Array
+    faces: Int64Array
+    weights: Float64Array
+    inverse_bind: Float64Array
+    rotations: Float64Array
+    offsets: Float64Array
 
-    def joint_poses(self) -> Array:
+    def joint_poses(self) -> Float64Array:
         """Return the pose (55, 4, 4) of each joint in the frame, G_j."""
         poses = np.tile(np.eye(4), (len(self.parents), 1, 1))
         for joint, parent in enumerate(self.parents):
@@ -67,14 +64,14 @@ class Rig:
             poses[joint] = pose if parent < 0 else poses[parent] @ pose
         return poses
 
-    def posed_vertices(self) -> Array:
+    def posed_vertices(self) -> Float64Array:
         """Return the posed vertices (V, 3) in the frame, metres."""
         motions = (self.joint_poses() @ self.inverse_bind)[:, :3]
         blended = (self.weights @ motions.reshape(len(motions), -1)).reshape(-1, 3, 4)
         return np.asarray((blended[..., :3] @ self.vertices[..., None])[..., 0] + blended[..., 3])
 
 
-def bound_in_pose(rig: Rig, vertices: Array) -> Rig:
+def bound_in_pose(rig: Rig, vertices: Float64Array) -> Rig:
     """Return a rig whose mesh is bound in the pose, so that readers without skinning show it there.
 
     Args:
@@ -171,14 +168,14 @@ def pose_rig(body: BodyArrays, person: Person, frame: ExportFrame) -> Rig:
     return rig
 
 
-def _shaped(body: BodyArrays, shape: Array, local: Array) -> Array:
+def _shaped(body: BodyArrays, shape: Float64Array, local: Float64Array) -> Float64Array:
     """Return the vertices (V, 3) of a shape in the bind pose, with the body's correctives of the
     pose.
     """
     coefficients = shape
     if len(body.directions) > len(shape):
         coefficients = np.concatenate([shape, (local[1:] - np.eye(3)).ravel()])
-    vertices: Array = body.template + np.tensordot(coefficients, body.directions, 1)
+    vertices: Float64Array = body.template + np.tensordot(coefficients, body.directions, 1)
     return vertices
 
 

@@ -12,13 +12,10 @@ import numpy as np
 from physic_core.geometry import up_in_camera, vertex_normals
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import ContactPartner, Float64Array, Int64Array, Person, Reconstruction
 
-    from physic_core.types import ContactPartner, Person, Reconstruction
 
-    Array = NDArray[np.float64]
-
-SLAB_FACES: NDArray[np.int64] = np.array(
+SLAB_FACES: Int64Array = np.array(
     [[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7], *([i, (i + 1) % 4, 4 + i] for i in range(4))]
     + [[(i + 1) % 4, 4 + (i + 1) % 4, 4 + i] for i in range(4)]
 )
@@ -42,7 +39,7 @@ class AssumedSupport:
 
     person: int
     name: str
-    vertices: Array
+    vertices: Float64Array
 
 
 def assumed_supports(result: Reconstruction) -> list[AssumedSupport]:
@@ -75,7 +72,7 @@ def _name(person: Person, partner: ContactPartner) -> str:
     return f"assumed {name.partition(' under ')[0].partition(' behind ')[0]}"
 
 
-def _slab(vertices: Array, normals: Array, up: Array) -> Array:
+def _slab(vertices: Float64Array, normals: Float64Array, up: Float64Array) -> Float64Array:
     """Return the corners (8, 3) of the smallest slab that skin (n, 3) lies on.
 
     It is level, or upright behind skin that faces sideways. Hands hold the middle of it.
@@ -95,6 +92,6 @@ def _slab(vertices: Array, normals: Array, up: Array) -> Array:
     # Around a bar, skin faces every way.
     side = int(facing @ axis > _LEVEL) - int(facing @ axis < -_LEVEL)
     low = np.median(vertices @ axis) + (side - 1) / 2 * _THICK_M
-    slab: Array = np.concatenate([corners + low * axis, corners + (low + _THICK_M) * axis])
+    slab: Float64Array = np.concatenate([corners + low * axis, corners + (low + _THICK_M) * axis])
     a, b, c = slab[:3]
     return slab if np.cross(b - a, c - a) @ axis > 0 else slab[[3, 2, 1, 0, 7, 6, 5, 4]]

@@ -17,9 +17,16 @@ import numpy as np
 from physic_core.geometry import vertex_normals
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import Reconstruction, Scene
+    from physic_core.types import (
+        AnyArray,
+        BoolArray,
+        Float32Array,
+        FloatArray,
+        Int64Array,
+        IntArray,
+        Reconstruction,
+        Scene,
+    )
 
 _MAX_VERTICES = 130_000
 """Maximum number of vertices; its GLB then stays under 5 MB, at 32 bytes a vertex with two
@@ -86,9 +93,9 @@ class SceneMesh:
         stride: px between neighbours; 1 of the backdrop.
     """
 
-    vertices: NDArray[np.float32]
-    faces: NDArray[np.int64]
-    pixels: NDArray[np.int64]
+    vertices: Float32Array
+    faces: Int64Array
+    pixels: Int64Array
     stride: int = 1
 
 
@@ -138,12 +145,10 @@ def mesh_scene(scene: Scene, limit: float, max_vertices: int = _MAX_VERTICES) ->
     return SceneMesh(points.reshape(-1, 3)[used], new_ids[faces], pixels[used], stride)
 
 
-def _surface_faces(
-    points: NDArray[Any], normals: NDArray[Any], usable: NDArray[np.bool_]
-) -> NDArray[np.int64]:
+def _surface_faces(points: AnyArray, normals: AnyArray, usable: BoolArray) -> Int64Array:
     """Return triangles (F, 3) of usable points (H, W, 3) that are neighbours on one surface."""
 
-    def joined(first: Any, second: Any) -> NDArray[np.bool_]:
+    def joined(first: Any, second: Any) -> BoolArray:
         same = _on_same_surface(points, normals, first, second)
         return np.asarray(usable[first] & usable[second] & same)
 
@@ -155,16 +160,14 @@ def _surface_faces(
     return _halves(np.arange(usable.size).reshape(usable.shape), upper, lower)
 
 
-def _halves(
-    ids: NDArray[np.int64], upper: NDArray[np.bool_], lower: NDArray[np.bool_]
-) -> NDArray[np.int64]:
+def _halves(ids: Int64Array, upper: BoolArray, lower: BoolArray) -> Int64Array:
     """Return the triangles (F, 3) of the chosen upper and lower halves of a grid's squares."""
     first = np.stack([ids[:-1, :-1], ids[1:, :-1], ids[:-1, 1:]], -1)
     second = np.stack([ids[:-1, 1:], ids[1:, :-1], ids[1:, 1:]], -1)
     return np.concatenate([first[upper], second[lower]])
 
 
-def is_near(points: NDArray[np.floating[Any]], limit: float) -> NDArray[np.bool_]:
+def is_near(points: FloatArray, limit: float) -> BoolArray:
     """Return which points (..., 3) are finite, before the camera, and nearer to it than a limit in
     metres.
     """
@@ -207,7 +210,7 @@ def mesh_backdrop(result: Reconstruction, surface: SceneMesh) -> SceneMesh:
     return SceneMesh(vertices.astype(np.float32), np.searchsorted(used, faces), pixels)
 
 
-def _far_pixels(surface: SceneMesh, size: tuple[int, int]) -> NDArray[np.integer[Any]]:
+def _far_pixels(surface: SceneMesh, size: tuple[int, int]) -> IntArray:
     """Return pixels (H, W), 1 where the photo shows what is not on a surface, and a little
     beyond.
     """
@@ -223,7 +226,7 @@ def _far_pixels(surface: SceneMesh, size: tuple[int, int]) -> NDArray[np.integer
     return np.asarray(cv2.dilate(far, crack))
 
 
-def _remove_small_components(faces: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _remove_small_components(faces: Int64Array, count: int) -> Int64Array:
     """Remove small connected components, which come from flying pixels."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -233,13 +236,11 @@ def _remove_small_components(faces: NDArray[np.int64], count: int) -> NDArray[np
     _, piece = connected_components(graph, directed=False)
     sizes = np.bincount(piece)
     joined = sizes[sizes > 1].sum()
-    kept: NDArray[np.int64] = faces[sizes[piece[faces[:, 0]]] > _MIN_COMPONENT_SHARE * joined]
+    kept: Int64Array = faces[sizes[piece[faces[:, 0]]] > _MIN_COMPONENT_SHARE * joined]
     return kept
 
 
-def _on_same_surface(
-    points: NDArray[Any], normals: NDArray[Any], first: Any, second: Any
-) -> NDArray[np.bool_]:
+def _on_same_surface(points: AnyArray, normals: AnyArray, first: Any, second: Any) -> BoolArray:
     depth = points[..., 2]
     near = np.minimum(depth[first], depth[second])
     far = np.maximum(depth[first], depth[second])
@@ -256,9 +257,7 @@ def _on_same_surface(
     )
 
 
-def unit_normals(
-    vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]]
-) -> NDArray[np.float32]:
+def unit_normals(vertices: FloatArray, faces: IntArray) -> Float32Array:
     """Return vertex normals (V, 3) of a mesh for files that demand unit vectors: +z at a vertex
     without a face.
     """

@@ -25,12 +25,9 @@ from physic_visual.surface import is_near, scene_meshes, scene_reach
 from physic_visual.textures.dressed import dressed_bodies
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.geometry import RayCaster
-    from physic_core.types import Reconstruction, Scene, UInt8Array
+    from physic_core.types import Float32Array, Float64Array, Reconstruction, Scene, UInt8Array
 
-    Array = NDArray[np.float64]
 
 _POINTS = 200_000  # at most
 
@@ -65,17 +62,17 @@ class PreviewGeometry:
     """
 
     people: RayCaster | None
-    people_colors: Array
-    dress_colors: Array
-    crowns: Mapping[int, Array]
-    points: NDArray[np.float32]
-    point_colors: NDArray[np.float32]
-    backdrop: NDArray[np.float32]
-    backdrop_colors: NDArray[np.float32]
+    people_colors: Float64Array
+    dress_colors: Float64Array
+    crowns: Mapping[int, Float64Array]
+    points: Float32Array
+    point_colors: Float32Array
+    backdrop: Float32Array
+    backdrop_colors: Float32Array
     spacing: float
-    upright: Array
-    low: Array
-    high: Array
+    upright: Float64Array
+    low: Float64Array
+    high: Float64Array
     has_floor: bool
 
 
@@ -122,9 +119,7 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     )
 
 
-def _cloud(
-    scene: Scene, limit: float, stride: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _cloud(scene: Scene, limit: float, stride: int) -> tuple[Float32Array, Float32Array]:
     """Return scene points (M, 3) of every n-th pixel up to a distance in metres, and their sRGB
     colours.
     """
@@ -137,19 +132,19 @@ def _cloud(
 _WITHIN = np.array([0.6, 0.2, 0.2], np.float32)  # weights of the corners of a triangle
 
 
-def _backdrop(result: Reconstruction) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _backdrop(result: Reconstruction) -> tuple[Float32Array, Float32Array]:
     """Return points (K, 3) on the triangles of the backdrop, and their sRGB colours."""
     mesh = scene_meshes(result)[1]
     colors = result.scene.colors
     corners = np.concatenate([mesh.faces, mesh.faces[:, [1, 2, 0]]])
     pixels = np.einsum("k,nkc->nc", _WITHIN, mesh.pixels[corners]).astype(np.int64)
-    points: NDArray[np.float32] = np.einsum("k,nkc->nc", _WITHIN, mesh.vertices[corners])
+    points: Float32Array = np.einsum("k,nkc->nc", _WITHIN, mesh.vertices[corners])
     return points, colors[pixels[:, 1], pixels[:, 0]] / np.float32(255.0)
 
 
 def _bounds(
-    bodies: Sequence[Array], points: NDArray[np.float32], upright: Array
-) -> tuple[Array, Array]:
+    bodies: Sequence[Float64Array], points: Float32Array, upright: Float64Array
+) -> tuple[Float64Array, Float64Array]:
     if bodies:
         vertices = transform_points(upright, np.concatenate(bodies))
         return vertices.min(0), vertices.max(0)
@@ -190,9 +185,9 @@ class _Direction:
             colour.
     """
 
-    axes: Array
-    room: Array
-    camera_room: Array
+    axes: Float64Array
+    room: Float64Array
+    camera_room: Float64Array
     beside: tuple[float, float]
 
 
@@ -247,7 +242,7 @@ _FIELD = math.radians(40)  # of the upright view from aside
 _FILLED = 0.8  # share of it that people fill
 
 
-def _aside(upright: Array, corners: Array, width: int, height: int) -> View:
+def _aside(upright: Float64Array, corners: Float64Array, width: int, height: int) -> View:
     """Return the nearest camera, beside and above the photo's, that sees all corners (N, 3,
     upright frame).
     """
@@ -341,7 +336,9 @@ def _fitted(
 _MIN_SCALE_RATIO = 0.85  # least ratio of the scales with and without the camera
 
 
-def _with_camera(ends: Array, direction: _Direction, eye: Array, size: tuple[int, int]) -> Array:
+def _with_camera(
+    ends: Float64Array, direction: _Direction, eye: Float64Array, size: tuple[int, int]
+) -> Float64Array:
     """Extend the range (2, 2) of a view, in metres along its axes, to the camera, if the scale
     decreases little.
     """

@@ -47,11 +47,9 @@ from physic_core.body import JOINT_NAMES
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
     from physic_bench.bodies import BodyFiles
+    from physic_core.types import Float64Array
 
-    Array = NDArray[np.float64]
 
 NUM_VERTICES = 10475
 MAX_MODEL_ERROR_M = 0.02
@@ -126,7 +124,7 @@ def _fitting_file(root: Path, name: str, path: str) -> Path:
     return root / "fittings" / "mosh" / recording / path.format(frame)
 
 
-def _mesh_vertices(root: Path, name: str) -> Array:
+def _mesh_vertices(root: Path, name: str) -> Float64Array:
     """Return the vertices of a frame in the file's frame of reference."""
     file = _fitting_file(root, name, "meshes/{}/000.ply")
     vertices = np.asarray(read_mesh(file).vertices, np.float64)
@@ -138,14 +136,14 @@ def _mesh_vertices(root: Path, name: str) -> Array:
     return vertices
 
 
-def _to_camera(root: Path, points: Array, kind: str) -> Array:
+def _to_camera(root: Path, points: Float64Array, kind: str) -> Float64Array:
     """Return points (n, 3) of a frame of reference in the camera frame."""
     if kind == "camera":
         return points
     to_camera = np.linalg.inv(_transform(root / "cam2world" / "vicon.json"))
     if kind == "vicon":
         to_camera = to_camera @ _transform(root / "vicon2scene.json")
-    moved: Array = points @ to_camera[:3, :3].T + to_camera[:3, 3]
+    moved: Float64Array = points @ to_camera[:3, :3].T + to_camera[:3, 3]
     return moved
 
 
@@ -164,7 +162,7 @@ def _camera(root: Path, pictures: Sequence[Path]) -> Camera:
 
 
 @lru_cache(maxsize=8)
-def _transform(file: Path) -> Array:
+def _transform(file: Path) -> Float64Array:
     """Return a rigid transform (4, 4) in metres."""
     with naming_file_in_errors(file):
         matrix = checked_numbers(read_json(file), (4, 4), "transform")

@@ -23,12 +23,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
     from physic_bench.bodies import BodyFiles
+    from physic_core.types import Float64Array
     from physic_testing.worlds import World
-
-    Array = NDArray[np.float64]
 
 
 def missing(root: Path, with_pictures: bool) -> list[str]:
@@ -62,7 +59,7 @@ def _truth(name: str) -> Truth:
     return Truth(people, partial(_distance, world), world.floor.normal, world.floor.offset)
 
 
-def _distance(world: World, points: Array) -> Array:
+def _distance(world: World, points: Float64Array) -> Float64Array:
     """Return the signed distance (N,) m of points (N, 3) m to the scene that the photo would show
     without people; 0 for points inside that the scene hides.
     """

@@ -8,7 +8,7 @@ twist) are fitted by least squares within the range of human joints, from a star
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Float = NDArray[np.floating[Any]]
+    from physic_core.types import FloatArray
+
 
 FINGERS = ((5, 6, 7, 8), (9, 10, 11, 12), (17, 18, 19, 20), (13, 14, 15, 16), (1, 2, 3, 4))
 """Landmark indices of index, middle, pinky, ring and thumb from base to tip: the order of SMPL-X's
@@ -62,12 +63,12 @@ class RestHand:
             twist, in rows.
     """
 
-    bones: Float
-    palm: Float
-    axes: Float
+    bones: FloatArray
+    palm: FloatArray
+    axes: FloatArray
 
     @classmethod
-    def from_landmarks(cls, points: Float, palm_down: Float) -> RestHand:
+    def from_landmarks(cls, points: FloatArray, palm_down: FloatArray) -> RestHand:
         """Compute the rest directions from (21, 3) landmarks of a body in rest pose and the normal
         of its palm.
         """
@@ -84,7 +85,7 @@ class RestHand:
         )
 
 
-def fit_fingers(landmarks: Float, rest: RestHand) -> Float:
+def fit_fingers(landmarks: FloatArray, rest: RestHand) -> FloatArray:
     """Fit finger rotations to (21, 3) hand landmarks in any unit, in a right-handed frame.
 
     Args:
@@ -102,7 +103,7 @@ def fit_fingers(landmarks: Float, rest: RestHand) -> Float:
     start = Rotation.align_vectors(palm, rest.palm)[0].as_matrix()
     joints, low, high, usual, spread = _degrees_of_freedom()
 
-    def residuals(x: Float) -> Float:
+    def residuals(x: FloatArray) -> FloatArray:
         """Return the residuals (P, R) of palm rotation and angles (P, 29)."""
         root = Rotation.from_rotvec(x[:, :3]).as_matrix() @ start
         b = _bone_directions(root, _rotvecs(x[:, 3:], rest, joints), rest)
@@ -131,15 +132,15 @@ def fit_fingers(landmarks: Float, rest: RestHand) -> Float:
     return np.asarray(_rotvecs(found[:, 3:], rest, joints)[0])
 
 
-def _jacobian(residuals: Callable[[Float], Float], x: Float) -> Float:
+def _jacobian(residuals: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
     """Return the Jacobian (R, U) at unknowns (U,) by forward differences, in one call."""
     step = 1e-6
     ahead = residuals(np.concatenate([x[None], x + step * np.eye(len(x))]))
-    columns: Float = (ahead[1:] - ahead[0]).T / step
+    columns: FloatArray = (ahead[1:] - ahead[0]).T / step
     return columns
 
 
-def _rotvecs(angles: Float, rest: RestHand, joints: NDArray[np.intp]) -> Float:
+def _rotvecs(angles: FloatArray, rest: RestHand, joints: NDArray[np.intp]) -> FloatArray:
     """Convert angles (P, 26) of degrees of freedom (26,) to rotation vectors (P, 15, 3)."""
     turned = angles[..., None] * rest.axes.reshape(45, 3)[joints]
     out = np.zeros((len(angles), 15, 3))
@@ -147,7 +148,7 @@ def _rotvecs(angles: Float, rest: RestHand, joints: NDArray[np.intp]) -> Float:
     return out
 
 
-def _bone_directions(root: Float, rotvecs: Float, rest: RestHand) -> Float:
+def _bone_directions(root: FloatArray, rotvecs: FloatArray, rest: RestHand) -> FloatArray:
     """Return the directions (P, 5, 3, 3) of bones of hands with palm rotations (P, 3, 3) and
     rotation vectors (P, 15, 3).
     """
@@ -160,7 +161,9 @@ def _bone_directions(root: Float, rotvecs: Float, rest: RestHand) -> Float:
     return np.asarray((chain @ rest.bones[..., None])[..., 0])
 
 
-def _degrees_of_freedom() -> tuple[NDArray[np.intp], Float, Float, Float, Float]:
+def _degrees_of_freedom() -> tuple[
+    NDArray[np.intp], FloatArray, FloatArray, FloatArray, FloatArray
+]:
     """Return index in (15 joints x 3 axes), lower and upper limit, mean and sigma (radians) of the
     26 finger angles.
     """
@@ -175,8 +178,8 @@ def _degrees_of_freedom() -> tuple[NDArray[np.intp], Float, Float, Float, Float]
 
 
 def _initial_angles(
-    bones: Float, palm: Float, root: Float, rest: RestHand, joints: NDArray[np.intp]
-) -> Float:
+    bones: FloatArray, palm: FloatArray, root: FloatArray, rest: RestHand, joints: NDArray[np.intp]
+) -> FloatArray:
     """Return a closed-form estimate of the finger angles: the swing of each bone relative to its
     parent bone.
     """
@@ -196,6 +199,6 @@ def _initial_angles(
     return turns.reshape(45)[joints]
 
 
-def _normalise(v: Float) -> Float:
+def _normalise(v: FloatArray) -> FloatArray:
     """Scale vectors to unit length."""
     return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))

@@ -23,10 +23,10 @@ from physic_embedded.body_fit.problem import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from torch import Tensor
 
     from physic_core.body import BodyModel
+    from physic_core.types import BoolArray, FloatArray
     from physic_embedded.body_fit.observations import BodyObservations
     from physic_embedded.body_fit.problem import (
         FitProblem,
@@ -34,9 +34,6 @@ if TYPE_CHECKING:
         InitialPose,
         OutlinePairs,
     )
-
-    BoolArray = NDArray[np.bool_]
-    FloatArray = NDArray[np.floating]
 
 
 _EVALUATIONS = 15  # which choose the minimum

@@ -18,13 +18,9 @@ from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.observations import LEAST_WORLD_WEIGHT
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import Skeleton
+    from physic_core.types import BoolArray, FloatArray, Skeleton
     from physic_embedded.body_fit.observations import BodyObservations
 
-    BoolArray = NDArray[np.bool_]
-    FloatArray = NDArray[np.floating]
 
 _SURELY_HIDDEN = 0.25  # up to this confidence, trunk and hips are as without any legs
 _GUESSED = 0.05  # up to this confidence, or outside the picture, a keypoint is a guess

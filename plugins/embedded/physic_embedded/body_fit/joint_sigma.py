@@ -15,11 +15,9 @@ from physic_core.body import FINGER_JOINTS, JOINT_INDEX, NUM_JOINTS, joint_pair
 from physic_embedded.body_fit.limb_keypoints import LIMBS, keypoint_indices
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from physic_core.types import FloatArray
     from physic_embedded.body_fit.observations import BodyObservations
 
-    FloatArray = NDArray[np.floating]
 
 NUMBERS = Path(__file__).with_suffix(".json")
 """Fitted numbers: ``benchmarks/joint_errors.py`` makes them."""

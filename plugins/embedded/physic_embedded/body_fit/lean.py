@@ -14,10 +14,7 @@ import numpy as np
 from physic_core.body import JOINT_INDEX, joint_pair
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    BoolArray = NDArray[np.bool_]
-    FloatArray = NDArray[np.floating]
+    from physic_core.types import BoolArray, FloatArray
 
 
 def lean_towards_camera(

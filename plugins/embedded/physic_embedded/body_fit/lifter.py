@@ -17,9 +17,8 @@ from physic_core.files import read_arrays
 from physic_embedded.body_fit.limb_keypoints import HIP_WEIGHT, LIMBS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import FloatArray
 
-    FloatArray = NDArray[np.floating]
 
 NUMBERS = Path(__file__).with_suffix(".npz")
 """Fitted weights and biases of the network, float16: ``weight0`` (width, inputs), ``bias0`` and so

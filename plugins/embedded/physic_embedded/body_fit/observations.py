@@ -17,12 +17,8 @@ from physic_core.types import SEEN_CONFIDENCE, Observations
 from physic_embedded.body_fit.limb_keypoints import HIP_WEIGHT, sided_indices
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import BoolArray, FloatArray, Intrinsics, Keypoints, People, Skeleton
 
-    from physic_core.types import Intrinsics, Keypoints, People, Skeleton
-
-    BoolArray = NDArray[np.bool_]
-    FloatArray = NDArray[np.floating]
 
 SIZE_STATURE_M = 1.72
 """Height of the body that a size in px refers to; a unit, not a prior."""

@@ -45,15 +45,11 @@ from physic_embedded.body_fit.start import initial_translation, pose_from_landma
 from physic_networks.bodies import observed_joints
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.body import BodyModel
-    from physic_core.types import Hints, Intrinsics, Keypoints, People
+    from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, Keypoints, People
     from physic_embedded.body_fit.fit import FittedBodies
     from physic_embedded.body_fit.observations import BodyObservations
 
-    BoolArray = NDArray[np.bool_]
-    FloatArray = NDArray[np.floating]
     Earlier = tuple[FittedBodies, BoolArray] | None
 
 _UP_OF_LEVEL_CAMERA = np.array([0.0, -1.0, 0.0])

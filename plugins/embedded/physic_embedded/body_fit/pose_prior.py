@@ -15,9 +15,8 @@ from physic_core.body import JOINT_INDEX, JOINT_NAMES
 from physic_core.types import SIDES
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import FloatArray
 
-    FloatArray = NDArray[np.floating]
 
 # Standard deviations in radians about x, y, z of each joint's own T-pose axes; left and right
 # alike.

@@ -19,14 +19,10 @@ from physic_embedded.body_fit.problem import LegsByPosture
 from physic_embedded.body_fit.start import bent_leg
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import Observations
+    from physic_core.types import BoolArray, FloatArray, Observations
     from physic_embedded.body_fit.observations import BodyObservations
     from physic_embedded.body_fit.problem import InitialPose
 
-    BoolArray = NDArray[np.bool_]
-    FloatArray = NDArray[np.floating]
 
 _LEG = ("hip", "knee", "ankle")
 _SURE = 0.85  # least probability of the posture

@@ -25,15 +25,11 @@ from physic_embedded.body_fit.pose_prior import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from numpy.typing import NDArray
     from torch import Tensor
 
     from physic_core.body import BodyModel, LandmarkModel
-    from physic_core.types import Skeleton
+    from physic_core.types import BoolArray, FloatArray, Skeleton
     from physic_embedded.body_fit.observations import BodyObservations
-
-    BoolArray = NDArray[np.bool_]
-    FloatArray = NDArray[np.floating]
 
 
 UPRIGHT_SIGMA = 0.03

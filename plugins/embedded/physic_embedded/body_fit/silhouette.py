@@ -23,16 +23,11 @@ from physic_core.types import SURE_CONFIDENCE
 from physic_embedded.body_fit.problem import OutlinePairs
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.body import BodyModel
-    from physic_core.types import People, Pointmap
+    from physic_core.types import BoolArray, FloatArray, Int64Array, People, Pointmap
     from physic_embedded.body_fit.fit import FittedBodies
     from physic_embedded.body_fit.observations import BodyObservations
 
-    BoolArray = NDArray[np.bool_]
-    FloatArray = NDArray[np.floating]
-    IntArray = NDArray[np.int64]
 
 _CROP_SIDE = 192  # px, of the picture in which outlines are compared
 _PAIRS = 64  # points on each outline
@@ -155,7 +150,7 @@ class _Crop:
     others: BoolArray
     border: BoolArray
     depth: FloatArray | None
-    vertex: IntArray
+    vertex: Int64Array
     low: FloatArray
     scale: float
     size: float
@@ -172,7 +167,7 @@ class _Lines:
     """
 
     point: FloatArray
-    vertex: IntArray
+    vertex: Int64Array
     normal: FloatArray
     offset: FloatArray
     weight: FloatArray
@@ -309,7 +304,7 @@ def _hidden(crop: _Crop, points: FloatArray, person: FloatArray) -> BoolArray:
     return np.asarray(crop.depth[_at(points)] < _NEARER * own)
 
 
-def _at(points: FloatArray) -> tuple[IntArray, IntArray]:
+def _at(points: FloatArray) -> tuple[Int64Array, Int64Array]:
     """Return rows and columns of the pixels of points (n, 2)."""
     column, row = np.round(points).astype(int).T
     return row, column

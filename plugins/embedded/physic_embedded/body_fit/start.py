@@ -15,12 +15,9 @@ from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.observations import SIZE_STATURE_M
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import Skeleton
+    from physic_core.types import FloatArray, Skeleton
     from physic_embedded.body_fit.observations import BodyObservations
 
-    FloatArray = NDArray[np.floating]
 
 _STRAIGHT = 0.25  # sine of the bend under which a limb shows no hinge axis
 _SPINE_LIMIT = 1.2  # radians between hips and shoulders

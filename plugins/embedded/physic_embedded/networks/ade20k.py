@@ -5,7 +5,7 @@ ADE20K.
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,12 +13,10 @@ from physic_core.types import SURFACE_NAMES, SurfaceLabels
 from physic_networks.pictures import letterbox
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from physic_core.types import BoolArray, FloatArray, UInt8Array
     from physic_networks.onnx_sessions import OnnxSession
     from physic_networks.pictures import Resampling
 
-    Float = NDArray[np.floating[Any]]
 
 _FRAMED = (23, 28)  # painting, mirror
 _LEAST_PROBABILITY = 0.5  # pixels whose best surface is less probable are "unknown"
@@ -54,7 +52,9 @@ Class 0 is not a class.
 """
 
 
-def predict_surfaces(session: OnnxSession, image: NDArray[np.uint8]) -> tuple[Float, Float, Float]:
+def predict_surfaces(
+    session: OnnxSession, image: UInt8Array
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Predict the probability of each surface, and of a painting or mirror, on a grid.
 
     Args:
@@ -84,9 +84,9 @@ def predict_surfaces(session: OnnxSession, image: NDArray[np.uint8]) -> tuple[Fl
 
 def label_surfaces(
     session: OnnxSession,
-    image: NDArray[np.uint8],
-    people: NDArray[np.bool_],
-) -> tuple[SurfaceLabels, NDArray[np.bool_]]:
+    image: UInt8Array,
+    people: BoolArray,
+) -> tuple[SurfaceLabels, BoolArray]:
     """Label each pixel with its most probable surface, and return the pixels (H, W) of paintings
     and mirrors, also on people.
 
@@ -107,8 +107,8 @@ def label_surfaces(
     labels = np.zeros((height, width), np.uint8)
     best = np.full((height, width), _LEAST_PROBABILITY, np.float32)
 
-    def resampled_to_photo(grid: Float) -> Float:
-        whole: Float = cv2.warpAffine(
+    def resampled_to_photo(grid: FloatArray) -> FloatArray:
+        whole: FloatArray = cv2.warpAffine(
             np.ascontiguousarray(grid, np.float32),
             to_grid,
             (width, height),
@@ -127,7 +127,7 @@ def label_surfaces(
 
 
 @cache
-def _grouping() -> Float:
+def _grouping() -> FloatArray:
     """Return (31, S), 1 where a class of the network belongs to a surface."""
     matrix = np.zeros((31, len(SURFACE_NAMES)), np.float32)
     for name, classes in ADE20K_CLASSES.items():

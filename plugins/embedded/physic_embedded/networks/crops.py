@@ -8,17 +8,14 @@ left edge of the first pixel and ``size`` the right edge of the last, as the net
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_networks.pictures import letterbox
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Float = NDArray[np.floating[Any]]
-    Image = NDArray[np.uint8]
+    from physic_core.types import FloatArray, UInt8Array
 
 
 @dataclass(frozen=True)
@@ -32,30 +29,30 @@ class RotatedSquare:
             screen).
     """
 
-    center: Float
+    center: FloatArray
     side: float
     angle: float
 
     @classmethod
-    def upright(cls, center: Float, side: float, up: Float) -> RotatedSquare:
+    def upright(cls, center: FloatArray, side: float, up: FloatArray) -> RotatedSquare:
         """Return the square in which a direction (2,) of the photo points up."""
         return cls(center, side, float(np.arctan2(up[0], -up[1])))
 
     @property
-    def rotation(self) -> Float:
+    def rotation(self) -> FloatArray:
         """Rotation (2, 2) from directions in the square to directions in the photo."""
         c = np.cos(self.angle)
         s = np.sin(self.angle)
         return np.array([[c, -s], [s, c]])
 
-    def to_photo(self, points: Float, size: int) -> Float:
+    def to_photo(self, points: FloatArray, size: int) -> FloatArray:
         """Convert crop coordinates (..., 2) of a ``size`` x ``size`` crop to photo pixels."""
-        unit: Float = points / size - 0.5
+        unit: FloatArray = points / size - 0.5
         return self.center + unit @ self.rotation.T * self.side
 
-    def from_photo(self, points: Float, size: int) -> Float:
+    def from_photo(self, points: FloatArray, size: int) -> FloatArray:
         """Convert photo pixels (..., 2) to crop coordinates of a ``size`` x ``size`` crop."""
-        unit: Float = (points - self.center) @ self.rotation / self.side
+        unit: FloatArray = (points - self.center) @ self.rotation / self.side
         return (unit + 0.5) * size
 
 
@@ -71,10 +68,10 @@ class ImagePyramid:
             photo.
     """
 
-    levels: tuple[Image, ...]
+    levels: tuple[UInt8Array, ...]
 
     @classmethod
-    def from_image(cls, image: Image) -> ImagePyramid:
+    def from_image(cls, image: UInt8Array) -> ImagePyramid:
         """Build a pyramid of an image (H, W, 3), halved until its long side would fall below
         128 px.
         """
@@ -98,7 +95,7 @@ class ImagePyramid:
         """Width of the photo, px."""
         return int(self.levels[0].shape[1])
 
-    def crop(self, square: RotatedSquare, size: int) -> Image:
+    def crop(self, square: RotatedSquare, size: int) -> UInt8Array:
         """Resample a square to (size, size, 3) uint8; black outside the photo."""
         import cv2
 
@@ -110,7 +107,7 @@ class ImagePyramid:
         corner = np.array([[0.5, 0.5], [1.5, 0.5], [0.5, 1.5]])
         at = (square.to_photo(corner, size) + 0.5) * scale - 0.5
         matrix = np.stack([at[1] - at[0], at[2] - at[0], at[0]], axis=1)
-        cut: Image = cv2.warpAffine(
+        cut: UInt8Array = cv2.warpAffine(
             level,
             matrix,
             (size, size),
@@ -121,8 +118,8 @@ class ImagePyramid:
 
 
 def letterbox_square(
-    image: Image, size: int, origin: tuple[int, int] = (0, 0)
-) -> tuple[Image, RotatedSquare]:
+    image: UInt8Array, size: int, origin: tuple[int, int] = (0, 0)
+) -> tuple[UInt8Array, RotatedSquare]:
     """Resize an image into the middle of a black square.
 
     Args:

@@ -14,8 +14,7 @@ from physic_networks.pictures import IMAGENET_MEAN, letterbox
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable
 
-    from numpy.typing import NDArray
-
+    from physic_core.types import Float32Array, UInt8Array
     from physic_networks.onnx_sessions import OnnxSession
     from physic_networks.pictures import Letterbox, Resampling
 
@@ -47,12 +46,12 @@ def network_input_size(
 
 def predict_disparity(
     session: OnnxSession,
-    image: NDArray[np.uint8],
+    image: UInt8Array,
     short_side: int = 518,
     max_tokens: int = 3600,
     *,
     keep_tokens: bool = False,
-) -> NDArray[np.float32]:
+) -> Float32Array:
     """Predict a disparity map at network resolution: an affine function of 1 / z, larger is nearer.
 
     The photo keeps its aspect ratio; the mean colour fills what it leaves of the input.
@@ -70,7 +69,7 @@ def predict_disparity(
     """
     fed, photo = _fed(image, short_side, max_tokens)
 
-    def see(tokens: NDArray[np.float32]) -> None:
+    def see(tokens: Float32Array) -> None:
         TOKENS.put(_key(session.name, fed), tokens)
 
     beside = {_ENCODED: see} if keep_tokens and TOKENS.readers else {}
@@ -79,8 +78,8 @@ def predict_disparity(
 
 
 def disparity_and_tokens(
-    session: OnnxSession, image: NDArray[np.uint8], short_side: int, max_tokens: int
-) -> tuple[NDArray[np.float32], PatchTokens]:
+    session: OnnxSession, image: UInt8Array, short_side: int, max_tokens: int
+) -> tuple[Float32Array, PatchTokens]:
     """Return the map of :func:`predict_disparity` and the tokens of the same pass."""
     fed, photo = _fed(image, short_side, max_tokens)
     answer, tokens = session.run(["depth", _ENCODED], {"image": fed}, keep=True)
@@ -90,7 +89,7 @@ def disparity_and_tokens(
 def patch_tokens(
     graph: str,
     open_session: Callable[[str], OnnxSession],
-    image: NDArray[np.uint8],
+    image: UInt8Array,
     short_side: int,
     max_tokens: int,
 ) -> PatchTokens:
@@ -111,16 +110,12 @@ def patch_tokens(
     return _patches(tokens, fed, photo)
 
 
-def _patches(
-    tokens: NDArray[np.float32], fed: NDArray[np.float32], photo: Letterbox
-) -> PatchTokens:
+def _patches(tokens: Float32Array, fed: Float32Array, photo: Letterbox) -> PatchTokens:
     rows, columns = (side // _PATCH for side in fed.shape[2:])
     return PatchTokens(tokens[0, 1:].reshape(rows, columns, -1), _PATCH, photo)
 
 
-def _fed(
-    image: NDArray[np.uint8], short_side: int, max_tokens: int
-) -> tuple[NDArray[np.float32], Letterbox]:
+def _fed(image: UInt8Array, short_side: int, max_tokens: int) -> tuple[Float32Array, Letterbox]:
     """Return the network's input (1, 3, h, w), and where the photo lies in it."""
     height, width = image.shape[:2]
     rows, columns = network_input_size(height, width, short_side, max_tokens)
@@ -129,5 +124,5 @@ def _fed(
     return np.ascontiguousarray(canvas.transpose(2, 0, 1)[None], np.float32), photo
 
 
-def _key(graph: str, fed: NDArray[np.float32]) -> Hashable:
+def _key(graph: str, fed: Float32Array) -> Hashable:
     return graph, fed.shape, hashlib.blake2b(fed.data).digest()

@@ -7,7 +7,7 @@ that is turned away by more than about 60 degrees.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,12 +18,10 @@ from physic_networks.people import sigmoid
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from physic_core.types import FloatArray
     from physic_embedded.networks.crops import ImagePyramid
     from physic_networks.onnx_sessions import OnnxSession
 
-    Float = NDArray[np.floating[Any]]
 
 FACE_SIZE = 192
 KEYPOINTS = (
@@ -44,7 +42,7 @@ _LEAST_FIRST_SCORE = 0.1  # in the first square, which may hold only a part of t
 _MARGIN = 1.5  # side of the second square over that of the points' box
 
 
-def face_square(at: Mapping[str, Float]) -> RotatedSquare:
+def face_square(at: Mapping[str, FloatArray]) -> RotatedSquare:
     """Return the first square of a face from the points (2,) px of :data:`KEYPOINTS`."""
     eyes, ears, mouth = (
         np.mean([at[f"{side}_{name}_surface"] for side in SIDES], 0)
@@ -61,7 +59,7 @@ def face_square(at: Mapping[str, Float]) -> RotatedSquare:
 
 def look_of_face(
     session: OnnxSession, picture: ImagePyramid, square: RotatedSquare
-) -> tuple[Float, Float] | None:
+) -> tuple[FloatArray, FloatArray] | None:
     """Find the face in a square of a photo.
 
     Args:
@@ -89,7 +87,7 @@ def look_of_face(
 
 def _look(
     session: OnnxSession, picture: ImagePyramid, square: RotatedSquare
-) -> tuple[Float, float]:
+) -> tuple[FloatArray, float]:
     """Return the points (468, 3) in px of the photo, z away from the camera, and the score in
     [0, 1] that there is a face.
     """
@@ -101,7 +99,7 @@ def _look(
     return np.concatenate([flat, depth], 1), float(sigmoid(score.ravel())[0])
 
 
-def _forward(points: Float) -> Float:
+def _forward(points: FloatArray) -> FloatArray:
     """Return the unit vector (3,) across the face, away from the head."""
     stretched = points * [1, 1, DEPTH_FACTOR]
     left = _unit(np.sum([_unit(stretched[a] - stretched[b]) for a, b in _PAIRS], 0))
@@ -109,6 +107,6 @@ def _forward(points: Float) -> Float:
     return np.cross(left, _unit(up - up @ left * left))
 
 
-def _unit(vector: Float) -> Float:
-    length: Float = vector / max(float(np.linalg.norm(vector)), 1e-9)
+def _unit(vector: FloatArray) -> FloatArray:
+    length: FloatArray = vector / max(float(np.linalg.norm(vector)), 1e-9)
     return length

@@ -9,7 +9,7 @@ person and the side of the hand.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,12 +17,10 @@ from physic_embedded.networks.crops import RotatedSquare
 from physic_embedded.networks.single_shot_detection import anchor_centers, decode_detections
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from physic_core.types import FloatArray, UInt8Array
     from physic_embedded.networks.crops import ImagePyramid
     from physic_networks.onnx_sessions import OnnxSession
 
-    Float = NDArray[np.floating[Any]]
 
 DETECTOR_SIZE = 192
 LANDMARK_SIZE = 224
@@ -47,8 +45,8 @@ class HandLandmarks:
             hand's size.
     """
 
-    points: Float
-    world: Float
+    points: FloatArray
+    world: FloatArray
     presence: float
     right: float
     mirror_gap: float
@@ -59,7 +57,7 @@ class HandLandmarks:
         return float(np.ptp(self.points, axis=0).max())
 
 
-def square_from_landmarks(points: Float) -> RotatedSquare:
+def square_from_landmarks(points: FloatArray) -> RotatedSquare:
     """Return the landmark network's input square for a hand with known landmarks (21, 2)."""
     middle = (points[[5, 13]].mean(axis=0) + points[9]) / 2
     upright = RotatedSquare.upright(np.zeros(2), 1.0, middle - points[0])
@@ -96,7 +94,7 @@ def predict_hand_landmarks(
     )
 
 
-def _look(session: OnnxSession, cut: NDArray[np.uint8]) -> tuple[Float, Float, float, float]:
+def _look(session: OnnxSession, cut: UInt8Array) -> tuple[FloatArray, FloatArray, float, float]:
     """Run the landmark network on a crop: landmarks in crop coordinates, landmarks in metres,
     presence, right-hand score.
     """
@@ -121,7 +119,7 @@ def find_hand(
     landmarker: OnnxSession,
     picture: ImagePyramid,
     around: RotatedSquare,
-    wrist: Float,
+    wrist: FloatArray,
     side: str,
 ) -> HandLandmarks | None:
     """Detect the hand at a wrist and return its landmarks, or None.

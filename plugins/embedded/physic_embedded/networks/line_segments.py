@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from physic_core.types import BoolArray, Float64Array, UInt8Array
     from physic_networks.onnx_sessions import OnnxSession
 
 _SIDE = 512  # px of the network's square input; its output is a grid of half that side
@@ -19,8 +18,8 @@ _MOST_INSIDE = 0.3  # share of a segment in a mask
 
 def detect_line_segments(
     session: OnnxSession,
-    image: NDArray[np.uint8],
-) -> NDArray[np.float64]:
+    image: UInt8Array,
+) -> Float64Array:
     """Detect straight line segments in an image.
 
     Args:
@@ -49,9 +48,7 @@ def detect_line_segments(
     return np.asarray(ends[length > _SHORTEST * max(height, width)], dtype=np.float64)
 
 
-def segments_outside_mask(
-    segments: NDArray[np.float64], mask: NDArray[np.bool_]
-) -> NDArray[np.float64]:
+def segments_outside_mask(segments: Float64Array, mask: BoolArray) -> Float64Array:
     """Select the segments that lie mostly outside of a mask (H, W), such as the inpainted
     region.
     """

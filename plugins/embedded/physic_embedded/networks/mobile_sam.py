@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from physic_core.types import Float32Array, FloatArray, UInt8Array
     from physic_networks.onnx_sessions import OnnxSession
 
-    Float = NDArray[np.floating[Any]]
 
 FRAME_SIZE = 1024
 MASK_SIZE = 256
@@ -31,17 +29,17 @@ class ImageEmbedding:
         scale: frame px a photo px.
     """
 
-    features: Float
+    features: FloatArray
     height: int
     width: int
     scale: float
 
-    def to_input_pixels(self, points: Float) -> Float:
+    def to_input_pixels(self, points: FloatArray) -> FloatArray:
         """Convert photo pixels (..., 2) to pixels of the network input.
 
         Integers are pixel centres in both images.
         """
-        frame: Float = (points + 0.5) * self.scale - 0.5
+        frame: FloatArray = (points + 0.5) * self.scale - 0.5
         return frame
 
     @property
@@ -55,19 +53,19 @@ class ImageEmbedding:
         """Side of one pixel of the low-resolution mask, in photo px."""
         return FRAME_SIZE / MASK_SIZE / self.scale
 
-    def grid_axes(self) -> tuple[Float, Float]:
+    def grid_axes(self) -> tuple[FloatArray, FloatArray]:
         """Return the centres of the low-resolution mask's columns and rows, in photo px."""
         rows, columns = self.grid_shape
         x, y = ((np.arange(count) + 0.5) * self.cell - 0.5 for count in (columns, rows))
         return x, y
 
-    def to_photo(self, logits: Float) -> NDArray[np.float32]:
+    def to_photo(self, logits: FloatArray) -> Float32Array:
         """Resample a low-resolution mask (rows, columns) to photo pixels (H, W), bilinear."""
         import cv2
 
         half = 0.5 / self.cell - 0.5
         matrix = np.array([[1.0 / self.cell, 0.0, half], [0.0, 1.0 / self.cell, half]])
-        moved: NDArray[np.float32] = cv2.warpAffine(
+        moved: Float32Array = cv2.warpAffine(
             np.ascontiguousarray(logits, np.float32), matrix, (self.width, self.height),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE,
         )  # fmt: skip
@@ -85,12 +83,12 @@ class MaskProposals:
         raw: (4, 256, 256), input of a further prediction.
     """
 
-    logits: Float
-    iou: Float
-    raw: Float
+    logits: FloatArray
+    iou: FloatArray
+    raw: FloatArray
 
 
-def embed_image(session: OnnxSession, image: NDArray[np.uint8]) -> ImageEmbedding:
+def embed_image(session: OnnxSession, image: UInt8Array) -> ImageEmbedding:
     """Encode a photo (H, W, 3) with the ``mobilesam_encoder``."""
     import cv2
 
@@ -109,10 +107,10 @@ def embed_image(session: OnnxSession, image: NDArray[np.uint8]) -> ImageEmbeddin
 def predict_masks(
     session: OnnxSession,
     embedding: ImageEmbedding,
-    inside: Float,
-    outside: Float,
-    box: Float | None = None,
-    mask: Float | None = None,
+    inside: FloatArray,
+    outside: FloatArray,
+    box: FloatArray | None = None,
+    mask: FloatArray | None = None,
 ) -> MaskProposals:
     """Predict masks of the object that contains the points ``inside`` and none of the points
     ``outside``.

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.types import FloatArray
+    from physic_core.types import Float32Array, FloatArray
     from physic_networks.pictures import Letterbox
 
 
@@ -29,12 +29,12 @@ class PatchTokens:
         photo: position of the photo in the canvas.
     """
 
-    grid: NDArray[np.floating]
+    grid: FloatArray
     patch: int
     photo: Letterbox
 
     @property
-    def shown(self) -> NDArray[np.floating]:
+    def shown(self) -> FloatArray:
         """The tokens (h, w, C) of the patches that show the photo."""
         (left, top), (right, bottom) = self._bounds()
         return self.grid[top:bottom, left:right]
@@ -99,16 +99,16 @@ class TokensOfPasses:
     def __init__(self) -> None:
         self.readers: WeakSet[object] = WeakSet()
         self._lock = threading.Lock()
-        self._kept: OrderedDict[Hashable, NDArray[np.float32]] = OrderedDict()
+        self._kept: OrderedDict[Hashable, Float32Array] = OrderedDict()
 
-    def put(self, key: Hashable, tokens: NDArray[np.float32]) -> None:
+    def put(self, key: Hashable, tokens: Float32Array) -> None:
         """Keep the tokens of a pass, in place of the oldest if no reader is left for them."""
         with self._lock:
             self._kept[key] = tokens
             while len(self._kept) > len(self.readers):
                 self._kept.popitem(last=False)
 
-    def take(self, key: Hashable) -> NDArray[np.float32] | None:
+    def take(self, key: Hashable) -> Float32Array | None:
         """Return and drop the tokens of a pass; None if they are not kept."""
         with self._lock:
             return self._kept.pop(key, None)

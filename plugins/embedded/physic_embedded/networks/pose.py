@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,12 +17,10 @@ from physic_networks.people import sigmoid
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from physic_core.types import FloatArray, UInt8Array
     from physic_embedded.networks.crops import ImagePyramid
     from physic_networks.onnx_sessions import OnnxSession
 
-    Float = NDArray[np.floating[Any]]
 
 LANDMARK_SIZE = 256
 _HOPELESS = 0.3
@@ -50,18 +48,18 @@ class Pose:
         mirror_mask_iou: overlap of the mask with the one found in the mirror image.
     """
 
-    points: Float
-    visibility: Float
-    presence: Float
-    world: Float
-    world_spread: Float
+    points: FloatArray
+    visibility: FloatArray
+    presence: FloatArray
+    world: FloatArray
+    world_spread: FloatArray
     score: float
-    mask: Float
+    mask: FloatArray
     square: RotatedSquare
     mirror_gap: float
     mirror_mask_iou: float
 
-    def confidence(self, width: int, height: int) -> Float:
+    def confidence(self, width: int, height: int) -> FloatArray:
         """Return visibility times presence (33,); 0 for a joint outside the photo."""
         x, y = self.points.T
         inside = (x >= -0.5) & (x < width - 0.5) & (y >= -0.5) & (y < height - 0.5)
@@ -73,7 +71,7 @@ class Pose:
         return float(np.linalg.norm(self.points[[11, 12]].mean(0) - self.points[[23, 24]].mean(0)))
 
     @cached_property
-    def joints_box(self) -> Float:
+    def joints_box(self) -> FloatArray:
         """Bounding box (4,) px of the joints inside the picture; of all joints if these are fewer
         than four.
         """
@@ -82,7 +80,7 @@ class Pose:
         return np.concatenate([points.min(axis=0), points.max(axis=0)])
 
     @cached_property
-    def mask_box(self) -> Float:
+    def mask_box(self) -> FloatArray:
         """Box (4,) px that contains 99 % of the mask; of all joints if the mask is empty."""
         y, x = np.nonzero(self.mask > 0)
         if len(x) < 5:
@@ -90,13 +88,13 @@ class Pose:
         points = self.square.to_photo(np.stack([x, y], axis=-1) + 0.5, len(self.mask))
         return np.percentile(points, [0.5, 99.5], axis=0).ravel()
 
-    def mask_at(self, points: Float) -> Float:
+    def mask_at(self, points: FloatArray) -> FloatArray:
         """Sample the mask logits at photo pixels (N, 2); (N,), -30 outside ``square``."""
         u, v = (self.square.from_photo(points, LANDMARK_SIZE) - 0.5).T
-        logits: Float = self._sample(u[None], v[None])[0]
+        logits: FloatArray = self._sample(u[None], v[None])[0]
         return logits
 
-    def mask_on_grid(self, x: Float, y: Float) -> Float:
+    def mask_on_grid(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Sample the mask logits at columns ``x`` (C,) and rows ``y`` (R,) of the photo, px;
         (R, C), -30 outside ``square``.
         """
@@ -108,18 +106,18 @@ class Pose:
         )
         return self._sample(u, v)
 
-    def _sample(self, u: Float, v: Float) -> Float:
+    def _sample(self, u: FloatArray, v: FloatArray) -> FloatArray:
         """Sample the mask logits at columns ``u`` and rows ``v`` (R, C) of the mask."""
         import cv2
 
-        logits: Float = cv2.remap(
+        logits: FloatArray = cv2.remap(
             self.mask.astype(np.float32), u.astype(np.float32), v.astype(np.float32),
             cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=-30.0,
         )  # fmt: skip
         return logits
 
 
-def person_square(hip: Float, end: Float) -> RotatedSquare:
+def person_square(hip: FloatArray, end: FloatArray) -> RotatedSquare:
     """Return the landmark network's input square, centred on the mid hip.
 
     In the square, the direction from ``hip`` to ``end`` points up. Half its side is 1.25 times
@@ -179,7 +177,7 @@ def predict_scored_pose(
 
 
 def _with_mirror_image(
-    session: OnnxSession, cut: NDArray[np.uint8], square: RotatedSquare, look: _RawPose
+    session: OnnxSession, cut: UInt8Array, square: RotatedSquare, look: _RawPose
 ) -> Pose:
     """Average the output for a crop with that for its mirror image, and convert it to the photo."""
     other = _look(session, cut[:, ::-1]).mirrored()
@@ -228,12 +226,12 @@ def average_agreeing(pose: Pose, others: Sequence[Pose], near: float) -> Pose:
 class _RawPose:
     """Network output for one crop: 39 points in crop coordinates, of which 33 are joints."""
 
-    points: Float
-    visibility: Float
-    presence: Float
-    world: Float
+    points: FloatArray
+    visibility: FloatArray
+    presence: FloatArray
+    world: FloatArray
     score: float
-    mask: Float
+    mask: FloatArray
 
     def mirrored(self) -> _RawPose:
         """Return the output mirrored left to right."""
@@ -249,7 +247,7 @@ class _RawPose:
         )
 
 
-def _look(session: OnnxSession, cut: NDArray[np.uint8]) -> _RawPose:
+def _look(session: OnnxSession, cut: UInt8Array) -> _RawPose:
     """Run the landmark network on a (256, 256, 3) crop."""
     raw, score, mask, world = session.run(
         ["landmarks", "presence", "mask", "world_landmarks"],
@@ -274,8 +272,8 @@ def _mean(a: _RawPose, b: _RawPose, near: float = 0.05 * LANDMARK_SIZE) -> _RawP
     first, second = (a, b) if a.score >= b.score else (b, a)
     agree = np.linalg.norm(a.points - b.points, axis=1) < near
 
-    def mix(x: Float, y: Float) -> Float:
-        mean: Float = (x + y) / 2
+    def mix(x: FloatArray, y: FloatArray) -> FloatArray:
+        mean: FloatArray = (x + y) / 2
         return np.where(agree.reshape(-1, *[1] * (x.ndim - 1)), mean, x)
 
     return _RawPose(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,11 +19,9 @@ from physic_embedded.networks.tiles import tiles
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from physic_core.types import FloatArray, UInt8Array
     from physic_networks.onnx_sessions import OnnxSession
 
-    Float = NDArray[np.floating[Any]]
 
 DETECTOR_SIZE = 224
 DETECTOR_LAYERS = ((8, 2), (16, 2), (32, 6))
@@ -40,7 +38,7 @@ def detect_people(
     threshold: float,
     tile_threshold: float,
     fractions: Sequence[float],
-    around: Sequence[Float] = (),
+    around: Sequence[FloatArray] = (),
 ) -> list[BoxDetection]:
     """Detect candidate people in the full photo, its tiles, the squares around boxes, and their
     mirror images: photo px, best score first.
@@ -71,7 +69,7 @@ def detect_people(
     return merge_candidates(found)
 
 
-def _window(box: Float) -> tuple[float, float, float]:
+def _window(box: FloatArray) -> tuple[float, float, float]:
     """Return the square (x, y, side) around a box (4,), px."""
     side = AROUND * float((box[2:] - box[:2]).max())
     x, y = (box[:2] + box[2:]) / 2 - side / 2
@@ -103,7 +101,7 @@ def _in_window(
     return found
 
 
-def _smallest_level(picture: ImagePyramid, fraction: float) -> NDArray[np.uint8]:
+def _smallest_level(picture: ImagePyramid, fraction: float) -> UInt8Array:
     """Return the smallest copy of the photo of whose long side a fraction still fills the network's
     input.
     """
@@ -114,7 +112,7 @@ def _smallest_level(picture: ImagePyramid, fraction: float) -> NDArray[np.uint8]
     ][-1]
 
 
-def _points_of(found: BoxDetection, mirrored: bool) -> Float:
+def _points_of(found: BoxDetection, mirrored: bool) -> FloatArray:
     """Return corners of the box and keypoints (2 + K, 2) in the input before mirroring, px."""
     points = np.concatenate([found.box.reshape(2, 2), found.keypoints])
     if mirrored:

@@ -5,7 +5,7 @@ detections.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,9 +13,7 @@ from physic_core.backends.people import box_iou
 from physic_networks.people import sigmoid
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Float = NDArray[np.floating[Any]]
+    from physic_core.types import FloatArray
 
 
 OVERLAP = 0.3
@@ -32,12 +30,12 @@ class BoxDetection:
         score: in [0, 1].
     """
 
-    box: Float
-    keypoints: Float
+    box: FloatArray
+    keypoints: FloatArray
     score: float
 
 
-def anchor_centers(size: int, layers: tuple[tuple[int, int], ...]) -> Float:
+def anchor_centers(size: int, layers: tuple[tuple[int, int], ...]) -> FloatArray:
     """Return the anchor centres (A, 2), x y in [0, 1], of a ``size`` px network.
 
     Args:
@@ -54,7 +52,7 @@ def anchor_centers(size: int, layers: tuple[tuple[int, int], ...]) -> Float:
 
 
 def decode_detections(
-    raw: Float, logits: Float, anchors: Float, size: int, threshold: float
+    raw: FloatArray, logits: FloatArray, anchors: FloatArray, size: int, threshold: float
 ) -> list[BoxDetection]:
     """Decode network output to detections in pixel-edge coordinates of the ``size`` px input, best
     first.

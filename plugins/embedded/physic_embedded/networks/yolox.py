@@ -5,7 +5,7 @@ overlapping tiles.
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from physic_core.types import BoolArray, FloatArray, UInt8Array
     from physic_networks.onnx_sessions import OnnxSession
 
-    Float = NDArray[np.floating[Any]]
 
 INPUT_SIZE = 416
 STRIDES = (8, 16, 32)
@@ -72,7 +72,7 @@ class Found(NamedTuple):
     others: Detections
     names: tuple[str, ...]
 
-    def other_at(self, box: Float, score: float, overlap: float) -> str | None:
+    def other_at(self, box: FloatArray, score: float, overlap: float) -> str | None:
         """Return the class of an animal or a board with a higher score at a box (4,); None without
         one.
 
@@ -99,7 +99,7 @@ class Found(NamedTuple):
 
 def detect_boxes(
     session: OnnxSession,
-    image: NDArray[np.uint8],
+    image: UInt8Array,
     *,
     min_score: float,
     min_tile_score: float,
@@ -144,7 +144,7 @@ def detect_boxes(
     )
 
 
-def _best_of_class(boxes: Float, scores: Float) -> NDArray[np.intp]:
+def _best_of_class(boxes: FloatArray, scores: FloatArray) -> NDArray[np.intp]:
     """Return the rows of the boxes (N, 4) of one class, best first; its scores (N,) are 0 where
     there is none.
     """
@@ -153,8 +153,8 @@ def _best_of_class(boxes: Float, scores: Float) -> NDArray[np.intp]:
 
 
 def _detect(
-    session: OnnxSession, image: NDArray[np.uint8], min_score: float
-) -> tuple[Float, Float]:
+    session: OnnxSession, image: UInt8Array, min_score: float
+) -> tuple[FloatArray, FloatArray]:
     """Run the network once: boxes (N, 4) x0 y0 x1 y1, px of ``image``, and scores (N, C), 0 up to
     ``min_score``.
     """
@@ -180,7 +180,7 @@ def _detect(
 
 
 @cache
-def _grid() -> tuple[Float, Float]:
+def _grid() -> tuple[FloatArray, FloatArray]:
     """Return the cells (A, 2) x y of all outputs, and their strides (A, 1) px."""
     cells = []
     strides = []
@@ -193,14 +193,14 @@ def _grid() -> tuple[Float, Float]:
 
 
 def _touches_inner_edge(
-    boxes: Float, tile: tuple[int, int, int, int], width: int, height: int
-) -> NDArray[np.bool_]:
+    boxes: FloatArray, tile: tuple[int, int, int, int], width: int, height: int
+) -> BoolArray:
     """Return (N,) whether a box touches an edge of its tile x0 y0 x1 y1 that is not an edge of the
     image.
     """
     near = max(4.0, _EDGE * max(tile[2] - tile[0], tile[3] - tile[1]))
     x0, y0, x1, y1 = boxes.T
-    touches: NDArray[np.bool_] = (
+    touches: BoolArray = (
         ((x0 < tile[0] + near) & (tile[0] > 0))
         | ((y0 < tile[1] + near) & (tile[1] > 0))
         | ((x1 > tile[2] - near) & (tile[2] < width))

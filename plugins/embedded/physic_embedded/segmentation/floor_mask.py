@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -14,15 +14,11 @@ from physic_embedded.networks.mobile_sam import predict_masks
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from physic_core.types import SurfaceLabels
+    from physic_core.types import BoolArray, FloatArray, SurfaceLabels
     from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
     from physic_networks.onnx_sessions import OnnxSession
 
-    Bool = NDArray[np.bool_]
-    Float = NDArray[np.floating[Any]]
 
 FEET = ((27, 29, 31), (28, 30, 32))
 """Landmark indices of ankle, heel and toe of the left and the right foot."""
@@ -33,7 +29,7 @@ LEAST_LABELLED = 0.02
 """Share of the picture. A smaller floor among the labels is ignored."""
 
 
-def visible_feet(pose: Pose, width: int, height: int) -> list[Float]:
+def visible_feet(pose: Pose, width: int, height: int) -> list[FloatArray]:
     """Return the midpoint (2,) px of heel and toe of each foot whose ankle, heel and toe are
     visible.
     """
@@ -45,7 +41,7 @@ def visible_feet(pose: Pose, width: int, height: int) -> list[Float]:
     ]
 
 
-def ground_points(poses: Sequence[Pose], people: Bool) -> Float:
+def ground_points(poses: Sequence[Pose], people: BoolArray) -> FloatArray:
     """Return prompt points (P, 2) px beside and below the feet, outside all people and inside the
     photo.
 
@@ -75,8 +71,8 @@ def floor_mask(
     decoder: OnnxSession,
     embedding: ImageEmbedding,
     poses: Sequence[Pose],
-    people: Bool,
-) -> Bool:
+    people: BoolArray,
+) -> BoolArray:
     """Segment the floor (H, W) beside people's feet; all False if no foot is visible.
 
     Several masks are possible: a tile, the pavement, everything but the sky. The largest one is
@@ -106,7 +102,9 @@ def floor_mask(
     return best & ~people
 
 
-def add_labelled_floor(beside_feet: Bool, surfaces: SurfaceLabels | None, people: Bool) -> Bool:
+def add_labelled_floor(
+    beside_feet: BoolArray, surfaces: SurfaceLabels | None, people: BoolArray
+) -> BoolArray:
     """Return the floor (H, W) by two opinions: the mask beside people's feet, and the labels of
     surfaces.
 
@@ -131,7 +129,7 @@ def add_labelled_floor(beside_feet: Bool, surfaces: SurfaceLabels | None, people
     return np.asarray(either & np.isin(parts, np.unique(parts[beside_feet])))
 
 
-def _person_points(poses: Sequence[Pose], people: Bool) -> Float:
+def _person_points(poses: Sequence[Pose], people: BoolArray) -> FloatArray:
     """(Q, 2) photo px on the people: knees, hips and trunks, where a mask has them."""
     height, width = people.shape
     points = np.concatenate(
@@ -142,7 +140,9 @@ def _person_points(poses: Sequence[Pose], people: Bool) -> Float:
     return np.asarray(points[people[y, x]])
 
 
-def _plausibility(mask: Bool, points: Float, people: Bool, poses: Sequence[Pose]) -> float:
+def _plausibility(
+    mask: BoolArray, points: FloatArray, people: BoolArray, poses: Sequence[Pose]
+) -> float:
     """Score how likely a mask is the floor; 0 if it cannot be."""
     x, y = np.rint(points).astype(int).T
     held = mask[y, x].mean()

@@ -13,12 +13,11 @@ from physic_embedded.networks.yolox import PADDING_VALUE
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from physic_core.types import UInt8Array
     from physic_embedded.networks.pose import Pose
 
 
-def grey_out(image: NDArray[np.uint8], poses: Sequence[Pose]) -> NDArray[np.uint8]:
+def grey_out(image: UInt8Array, poses: Sequence[Pose]) -> UInt8Array:
     """Return a copy of an image (H, W, 3) with the masks of poses in grey."""
     grey = image.copy()
     height, width = image.shape[:2]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import compress
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -40,16 +40,13 @@ from physic_embedded.segmentation.upper_bodies import square_from_upper_half, wi
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
-    from physic_core.types import Carrier
+    from physic_core.types import Carrier, FloatArray, UInt8Array
     from physic_embedded.networks.crops import RotatedSquare
     from physic_embedded.networks.pose import Pose
     from physic_embedded.networks.yolox import Found
     from physic_networks.onnx_sessions import OnnxSession
     from physic_networks.people import Detections
 
-    Float = NDArray[np.floating[Any]]
 
 BOX_TILES = (0.5,)
 """Sides of the tiles for YOLOX, over the image's long side."""
@@ -117,15 +114,15 @@ class DetectedPose:
 
     pose: Pose
     score: float
-    box: Float | None = None
+    box: FloatArray | None = None
 
     @property
-    def extent(self) -> Float:
+    def extent(self) -> FloatArray:
         """The box (4,), else that of the mask of the pose."""
         return self.pose.mask_box if self.box is None else self.box
 
 
-def unposed_person(box: Float, score: float, reason: str) -> UnposedPerson:
+def unposed_person(box: FloatArray, score: float, reason: str) -> UnposedPerson:
     """Return a person in a box (4,) x0 y0 x1 y1 px, without a pose."""
     x0, y0, x1, y1 = (float(edge) for edge in box)
     return UnposedPerson((x0, y0, x1, y1), score, reason)
@@ -151,7 +148,7 @@ def detect_poses(
     box_detector: OnnxSession,
     pose_detector: OnnxSession,
     landmarker: OnnxSession,
-    image: NDArray[np.uint8],
+    image: UInt8Array,
     *,
     box_score: float,
     fractions: tuple[float, ...],
@@ -229,7 +226,7 @@ def _unclear(boxes: Detections) -> list[UnposedPerson]:
 
 
 def _with_upper_bodies(
-    landmarker: OnnxSession, image: NDArray[np.uint8], people: Sequence[DetectedPose]
+    landmarker: OnnxSession, image: UInt8Array, people: Sequence[DetectedPose]
 ) -> list[DetectedPose]:
     """Return the people, those of whom only the upper part is visible with another pose."""
     poses = with_upper_bodies(landmarker, image, [person.pose for person in people])
@@ -288,8 +285,8 @@ def _without_others(things: Found, box_score: float) -> tuple[Detections, list[s
 
 def _add_hidden_people(
     landmarker: OnnxSession,
-    image: NDArray[np.uint8],
-    posed: Sequence[tuple[Float, float, Pose]],
+    image: UInt8Array,
+    posed: Sequence[tuple[FloatArray, float, Pose]],
     kept: list[DetectedPose],
     box_score: float,
 ) -> list[UnposedPerson]:
@@ -324,7 +321,7 @@ def _add_hidden_people(
     return unposed
 
 
-def _is_part(box: Float, pose: Pose, people: Sequence[DetectedPose]) -> bool:
+def _is_part(box: FloatArray, pose: Pose, people: Sequence[DetectedPose]) -> bool:
     """Return whether a box (4,) is around a part of somebody: the pose in it is theirs, and it lies
     in their box. The pose in a box beyond theirs may be of the wrong one of two people.
     """
@@ -332,14 +329,14 @@ def _is_part(box: Float, pose: Pose, people: Sequence[DetectedPose]) -> bool:
     return any(share_inside(box, one.extent) >= MIN_PART for one in same)
 
 
-def share_inside(box: Float, other: Float) -> float:
+def share_inside(box: FloatArray, other: FloatArray) -> float:
     """Return the share of a box (4,) that lies inside another one."""
     side = np.minimum(box[2:], other[2:]) - np.maximum(box[:2], other[:2])
     return float(np.maximum(side, 0.0).prod() / (box[2:] - box[:2]).prod())
 
 
 def _poses_of_hidden_person(
-    landmarker: OnnxSession, picture: ImagePyramid, box: Float, min_fit: float
+    landmarker: OnnxSession, picture: ImagePyramid, box: FloatArray, min_fit: float
 ) -> Iterator[Pose]:
     """Yield poses that fit a box (4,), of a whole person or of a person of whom only the upper half
     is visible.
@@ -360,7 +357,7 @@ def _poses_of_hidden_person(
         yield upper
 
 
-def _upper_half(landmarker: OnnxSession, picture: ImagePyramid, box: Float) -> list[Pose]:
+def _upper_half(landmarker: OnnxSession, picture: ImagePyramid, box: FloatArray) -> list[Pose]:
     """Return the pose of a person whom the lower edge of the photo may cut off.
 
     In the square of a whole body, the landmark network squeezes hips into the chest.
@@ -371,7 +368,7 @@ def _upper_half(landmarker: OnnxSession, picture: ImagePyramid, box: Float) -> l
     return [] if pose is None else [pose]
 
 
-def _is_sure(box: Float, score: float, pose: Pose, box_score: float) -> bool:
+def _is_sure(box: FloatArray, score: float, pose: Pose, box_score: float) -> bool:
     """Return whether a pose fits a box: one that is the same in the mirror image, in a box with a
     high score, or the clear pose of somebody who is not upright. A box around a part of somebody
     fits less.
@@ -386,7 +383,7 @@ def _search_blazepose(
     landmarker: OnnxSession,
     picture: ImagePyramid,
     fractions: tuple[float, ...],
-    posed: Sequence[tuple[Float, float, Pose]],
+    posed: Sequence[tuple[FloatArray, float, Pose]],
     sure: Sequence[bool],
     most: int,
 ) -> list[tuple[Pose, float]]:
@@ -416,7 +413,9 @@ def _is_at_hips(square: RotatedSquare, other: RotatedSquare) -> bool:
 
 
 def _best_poses(
-    posed: Sequence[tuple[Float, float, Pose]], others: Sequence[Sequence[Pose]], box_score: float
+    posed: Sequence[tuple[FloatArray, float, Pose]],
+    others: Sequence[Sequence[Pose]],
+    box_score: float,
 ) -> list[DetectedPose]:
     """Return the best pose for each box, from the box's own pose and from its ``others``.
 
@@ -435,13 +434,13 @@ def _best_poses(
     return found
 
 
-def pose_in_box(landmarker: OnnxSession, picture: ImagePyramid, box: Float) -> Pose:
+def pose_in_box(landmarker: OnnxSession, picture: ImagePyramid, box: FloatArray) -> Pose:
     """Return the pose of the person in a box (4,), who need not be upright."""
     pose = predict_pose(landmarker, picture, square_around(box))
     return look_turned(landmarker, picture, box, pose, lambda one: box_fit(one, box))
 
 
-def box_fit(pose: Pose, box: Float) -> float:
+def box_fit(pose: Pose, box: FloatArray) -> float:
     """Return how well a pose fits a box (4,): the product of two intersections over union, in [0,
     1].
 
@@ -467,7 +466,7 @@ def mask_overlap(a: Pose, b: Pose) -> float:
     return float((first & second).sum() / max(min(first.sum(), second.sum()), 1))
 
 
-def _iou(a: Float, b: Float) -> float:
+def _iou(a: FloatArray, b: FloatArray) -> float:
     return float(box_iou(a[None], b[None])[0, 0])
 
 

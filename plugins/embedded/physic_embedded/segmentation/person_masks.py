@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,12 +15,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from physic_core.types import BoolArray, FloatArray
     from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
     from physic_networks.onnx_sessions import OnnxSession
 
-    Bool = NDArray[np.bool_]
-    Float = NDArray[np.floating[Any]]
 
 PROMPT_JOINTS = [0, 11, 12, 13, 14, 23, 24, 25, 26, 27, 28]
 """Landmark indices of joints well inside the body: nose, shoulders, elbows, hips, knees, ankles."""
@@ -33,7 +32,7 @@ _MOST_OUTSIDE = 8  # prompts on other people
 
 def person_masks(
     decoder: OnnxSession, embedding: ImageEmbedding, poses: Sequence[Pose]
-) -> list[tuple[Float, Float]]:
+) -> list[tuple[FloatArray, FloatArray]]:
     """Segment the people of some poses.
 
     Args:
@@ -64,10 +63,10 @@ def _person_mask(
     decoder: OnnxSession,
     embedding: ImageEmbedding,
     pose: Pose,
-    soft: Float,
+    soft: FloatArray,
     others: Sequence[Pose],
-    theirs: Float,
-) -> tuple[Float, Float]:
+    theirs: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
     """Segment one person: select the mask proposal that agrees best with the pose network's mask
     and with the joints.
 
@@ -96,7 +95,9 @@ def _person_mask(
     joints = pose.points[pose.confidence(embedding.width, embedding.height) > MIN_CONFIDENCE]
     joints = _points_in_mask(joints, soft > theirs, embedding)
 
-    def look(box: Float | None, start: Float | None = None) -> tuple[float, Float, Float]:
+    def look(
+        box: FloatArray | None, start: FloatArray | None = None
+    ) -> tuple[float, FloatArray, FloatArray]:
         answer = predict_masks(decoder, embedding, inside, outside, box, start)
         k, fit = _best(answer.logits, rough, joints, outside, embedding)
         return fit, answer.logits[k], answer.raw[k]
@@ -111,7 +112,9 @@ def _person_mask(
 _SPECK = 0.1  # of the whole mask
 
 
-def resolve_overlaps(masks: Sequence[tuple[Float, Float]], embedding: ImageEmbedding) -> Bool:
+def resolve_overlaps(
+    masks: Sequence[tuple[FloatArray, FloatArray]], embedding: ImageEmbedding
+) -> BoolArray:
     """Assign each pixel to the person with the largest logit, and return masks (N, H, W) at photo
     size of people by :func:`person_masks`.
 
@@ -131,7 +134,9 @@ def resolve_overlaps(masks: Sequence[tuple[Float, Float]], embedding: ImageEmbed
     return np.stack([owner == i for i in range(len(masks))])
 
 
-def _drop_stray_pieces(masks: Sequence[tuple[Float, Float]], embedding: ImageEmbedding) -> Float:
+def _drop_stray_pieces(
+    masks: Sequence[tuple[FloatArray, FloatArray]], embedding: ImageEmbedding
+) -> FloatArray:
     """Return the mask logits (N, rows, columns), negative on small pieces without a point of the
     person.
     """
@@ -152,7 +157,7 @@ def _drop_stray_pieces(masks: Sequence[tuple[Float, Float]], embedding: ImageEmb
     return logits
 
 
-def _own_points(pose: Pose, embedding: ImageEmbedding) -> Float:
+def _own_points(pose: Pose, embedding: ImageEmbedding) -> FloatArray:
     """Return prompt points (P, 2) px on the person: confident joints and three points down the
     trunk.
     """
@@ -165,19 +170,21 @@ def _own_points(pose: Pose, embedding: ImageEmbedding) -> Float:
     return np.concatenate([pose.points[clear], [shoulders, (shoulders + hips) / 2, hips]])
 
 
-def _noses_and_trunks(others: Sequence[Pose]) -> Float:
+def _noses_and_trunks(others: Sequence[Pose]) -> FloatArray:
     """Return nose and trunk centre of each person, (Q, 2) photo px."""
     points = [p for o in others for p in (o.points[0], o.points[[11, 12, 23, 24]].mean(axis=0))]
     return np.array(points, float).reshape(-1, 2)
 
 
-def _cells(points: Float, embedding: ImageEmbedding) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _cells(
+    points: FloatArray, embedding: ImageEmbedding
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return column and row of the mask cells that contain photo pixels (P, 2)."""
     x, y = ((points + 0.5) / embedding.cell).astype(np.intp).T
     return x, y
 
 
-def _points_in_mask(points: Float, mask: Bool, embedding: ImageEmbedding) -> Float:
+def _points_in_mask(points: FloatArray, mask: BoolArray, embedding: ImageEmbedding) -> FloatArray:
     """Select the photo pixels (P, 2) that lie on the photo and in a mask."""
     x, y = points.T
     points = points[(x >= 0) & (y >= 0) & (x <= embedding.width - 1) & (y <= embedding.height - 1)]
@@ -185,7 +192,7 @@ def _points_in_mask(points: Float, mask: Bool, embedding: ImageEmbedding) -> Flo
     return np.asarray(points[mask[row, column]])
 
 
-def _box(mask: Bool, embedding: ImageEmbedding, margin: float = 0.04) -> Float:
+def _box(mask: BoolArray, embedding: ImageEmbedding, margin: float = 0.04) -> FloatArray:
     """Return the box of a grid mask in photo px, slightly larger than its 0.5th to 99.5th
     percentile.
     """
@@ -198,7 +205,11 @@ def _box(mask: Bool, embedding: ImageEmbedding, margin: float = 0.04) -> Float:
 
 
 def _best(
-    logits: Float, rough: Bool, joints: Float, outside: Float, embedding: ImageEmbedding
+    logits: FloatArray,
+    rough: BoolArray,
+    joints: FloatArray,
+    outside: FloatArray,
+    embedding: ImageEmbedding,
 ) -> tuple[int, float]:
     """Return index and fit of the best proposal.
 
@@ -207,7 +218,7 @@ def _best(
     """
     inside = logits > 0
 
-    def share(points: Float) -> Float:
+    def share(points: FloatArray) -> FloatArray:
         x, y = _cells(points, embedding)
         return inside[:, y, x].mean(axis=1) if len(points) else np.zeros(len(inside))
 

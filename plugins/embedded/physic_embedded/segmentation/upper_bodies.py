@@ -7,7 +7,7 @@ eyes to mouth it is about an eighth of the trunk, and a sixth of thigh or shank.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,12 +19,10 @@ from physic_embedded.segmentation.hidden_people import grey_out, without_covered
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from physic_core.types import FloatArray, UInt8Array
     from physic_embedded.networks.pose import Pose
     from physic_networks.onnx_sessions import OnnxSession
 
-    Float = NDArray[np.floating[Any]]
 
 _USUAL_FACE = 0.135  # from eyes to mouth, in lengths of the trunk
 _HIPS_BELOW_EYES = 1.45  # lengths of the trunk
@@ -37,7 +35,7 @@ _SAME_HEAD = 0.7  # mean distance of the points of two faces, in lengths from ey
 _LESS_SQUEEZED = 0.85  # of the squeeze before
 
 
-def square_from_upper_half(box: Float) -> RotatedSquare:
+def square_from_upper_half(box: FloatArray) -> RotatedSquare:
     """Return the upright square that the landmark network needs if a box (4,) is around the upper
     half of a person.
     """
@@ -46,7 +44,7 @@ def square_from_upper_half(box: Float) -> RotatedSquare:
 
 
 def with_upper_bodies(
-    landmarker: OnnxSession, image: NDArray[np.uint8], poses: Sequence[Pose]
+    landmarker: OnnxSession, image: UInt8Array, poses: Sequence[Pose]
 ) -> list[Pose]:
     """Return the poses of all people in an image (H, W, 3), those of squeezed bodies replaced by
     what the network finds in the square that fits the face, with the other people in grey.
@@ -58,7 +56,7 @@ def with_upper_bodies(
 
 
 def _whole_body(
-    landmarker: OnnxSession, image: NDArray[np.uint8], pose: Pose, others: Sequence[Pose]
+    landmarker: OnnxSession, image: UInt8Array, pose: Pose, others: Sequence[Pose]
 ) -> Pose:
     """Return the pose of one person, looked for again while it is squeezed and gets better."""
     if _squeeze(pose) < 1:

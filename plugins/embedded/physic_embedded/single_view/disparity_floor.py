@@ -15,10 +15,8 @@ import numpy as np
 from physic_embedded.segmentation.floor_mask import LEAST_LABELLED
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import BoolArray, FloatArray
 
-    FloatArray = NDArray[np.floating]
-    BoolArray = NDArray[np.bool_]
 
 _LABELLED_INLIERS = 0.4  # of the labelled pixels; a floor with fewer is looked for anywhere
 _TOLERANCE = 0.012  # of an inlier, ranges of the disparity

@@ -17,11 +17,9 @@ import numpy as np
 from physic_embedded.single_view.upright import NO_PLANES, axes_cost, frame_cost, walls_cost
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from physic_core.types import FloatArray
     from physic_embedded.single_view.disparity_floor import DisparityFloor
 
-    FloatArray = NDArray[np.floating]
 
 # Median in ranges of the map, and sigma of its logarithm. Outdoors infinity lies below 0, where the
 # network puts the sky; indoors below the farthest pixel, by .17 to 1.9 in 18 pictures of four rooms

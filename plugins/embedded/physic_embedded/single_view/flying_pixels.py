@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import BoolArray, FloatArray
 
 
 _STEEP = 1.05  # ratio of the farthest to the nearest depth among 3 x 3 pixels; 1.03-1.1 works
 _BENT = 0.02  # second difference of the inverse depth within 2 px, relative to it
 
 
-def flying_pixels(inverse_depth: NDArray[np.floating]) -> NDArray[np.bool_]:
+def flying_pixels(inverse_depth: FloatArray) -> BoolArray:
     """Return a mask of flying pixels: pixels where depth changes steeply, but not along a plane.
 
     The inverse depth of a plane is linear at any angle of view, and as steep as an edge near the

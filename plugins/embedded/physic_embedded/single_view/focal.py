@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import Float64Array
 
-    FloatArray = NDArray[np.float64]
 
 DEFAULT_FOCAL_SIGMA = 0.25
 """Standard deviation of the logarithm of focal lengths: a phone has .7, a portrait lens 1.4 long
@@ -52,13 +51,13 @@ class _Segments:
         weight: (M,) 1 over the number of segments on the same line, which share its error.
     """
 
-    middle: FloatArray
-    direction: FloatArray
-    sigma: FloatArray
-    weight: FloatArray
+    middle: Float64Array
+    direction: Float64Array
+    sigma: Float64Array
+    weight: Float64Array
 
 
-def _normalised(segments: FloatArray, width: int, height: int) -> _Segments:
+def _normalised(segments: Float64Array, width: int, height: int) -> _Segments:
     """Convert segments from pixels to units of the long side."""
     centre = np.array([(width - 1) / 2, (height - 1) / 2])
     ends = (segments - centre) / max(width, height)
@@ -74,12 +73,14 @@ def _normalised(segments: FloatArray, width: int, height: int) -> _Segments:
     )
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+def _cross(a: Float64Array, b: Float64Array) -> Float64Array:
     """Return the cross product of vectors (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def _misses(lines: _Segments, axes: FloatArray, focal: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _misses(
+    lines: _Segments, axes: Float64Array, focal: Float64Array
+) -> tuple[Float64Array, Float64Array]:
     """Return the sine of the angle from each segment to each vanishing point, and the distance to
     it, (..., K, M).
 
@@ -94,7 +95,7 @@ def _misses(lines: _Segments, axes: FloatArray, focal: FloatArray) -> tuple[Floa
     return _cross(way, lines.direction) / distance, distance
 
 
-def _ratios(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArray:
+def _ratios(lines: _Segments, axes: Float64Array, focal: Float64Array) -> Float64Array:
     """Return the weighted odds (..., K, M) that a segment runs along an axis rather than
     anywhere.
     """
@@ -103,14 +104,14 @@ def _ratios(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArray
     return np.asarray((1 - _OUTLIERS) / 3 * np.pi * density)
 
 
-def _nats(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArray:
+def _nats(lines: _Segments, axes: Float64Array, focal: Float64Array) -> Float64Array:
     """Return the log likelihood ratio (...,) of frames (..., 3, 3) against segments of any
     direction.
     """
     return np.asarray(np.log(_OUTLIERS + _ratios(lines, axes, focal).sum(-2)) @ lines.weight)
 
 
-def _vanishing_points(lines: _Segments, focal: float) -> FloatArray:
+def _vanishing_points(lines: _Segments, focal: float) -> Float64Array:
     """Return directions (N, 3) along which most segments run for a focal length, each without those
     before it.
     """
@@ -128,7 +129,7 @@ def _vanishing_points(lines: _Segments, focal: float) -> FloatArray:
     return np.array(points)
 
 
-def _frames(lines: _Segments, focal: float, focals: FloatArray) -> FloatArray:
+def _frames(lines: _Segments, focal: float, focals: Float64Array) -> Float64Array:
     """Return the best frames (F, S, 3, 3) of each focal length that have a vanishing point as an
     axis.
 
@@ -158,7 +159,7 @@ def _frames(lines: _Segments, focal: float, focals: FloatArray) -> FloatArray:
     return np.take_along_axis(axes, best[..., None, None], 1)
 
 
-def _refined(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArray:
+def _refined(lines: _Segments, axes: Float64Array, focal: Float64Array) -> Float64Array:
     """Turn frames (..., 3, 3) to the maximum of their likelihood, by Gauss and Newton with the odds
     as weights.
     """
@@ -186,7 +187,7 @@ def _refined(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArra
     return axes
 
 
-def _beyond_chance(lines: _Segments, axes: FloatArray, focal: FloatArray) -> float:
+def _beyond_chance(lines: _Segments, axes: Float64Array, focal: Float64Array) -> float:
     """Return how far the lines that a frame (3, 3) explains exceed chance, at most 1."""
     odds = _ratios(lines, axes, focal).sum(0)
     count = lines.weight.sum()
@@ -195,8 +196,8 @@ def _beyond_chance(lines: _Segments, axes: FloatArray, focal: FloatArray) -> flo
 
 
 def manhattan_frame(
-    segments: FloatArray, width: int, height: int, focal_px: float
-) -> tuple[FloatArray, float] | None:
+    segments: Float64Array, width: int, height: int, focal_px: float
+) -> tuple[Float64Array, float] | None:
     """Return the three orthogonal directions along which most straight edges run.
 
     Args:
@@ -222,7 +223,7 @@ def manhattan_frame(
 
 
 def focal_of_segments(
-    segments: FloatArray, width: int, height: int, default_px: float, default_sigma: float
+    segments: Float64Array, width: int, height: int, default_px: float, default_sigma: float
 ) -> tuple[float, float] | None:
     """Estimate the focal length by a default and the segments that the best Manhattan frame of each
     length explains.

@@ -15,11 +15,9 @@ from physic_core.files import read_arrays
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from physic_core.types import FloatArray
     from physic_embedded.networks.patch_tokens import PatchTokens
 
-    FloatArray = NDArray[np.floating]
 
 NUMBERS = Path(__file__).with_suffix(".npz")
 """Fitted numbers: "angles" (2, 9 C + 1), of pitch and roll in degrees: weights of the tokens of

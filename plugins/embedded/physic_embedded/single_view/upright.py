@@ -17,12 +17,8 @@ from physic_core.types import SURE_CONFIDENCE
 from physic_embedded.body_fit.limb_keypoints import limb_keypoints, sided_indices
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from physic_core.types import BoolArray, FloatArray, Keypoints
 
-    from physic_core.types import Keypoints
-
-    FloatArray = NDArray[np.floating]
-    BoolArray = NDArray[np.bool_]
 
 NO_PLANES = np.zeros((0, 3))
 
@@ -42,7 +38,7 @@ _SURFACES = 12.0  # number of independent observations that the pixels of all su
 
 
 def local_disparity_planes(
-    disparity: NDArray[np.floating], surfaces: BoolArray, focal_px: float
+    disparity: FloatArray, surfaces: BoolArray, focal_px: float
 ) -> FloatArray:
     """Return the local planes (M, 3) a, b, c of a disparity map at the pixels of surfaces.
 

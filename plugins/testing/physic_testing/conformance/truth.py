@@ -24,14 +24,13 @@ from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.true_keypoints import true_keypoints_px
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core.body import BodyModel
     from physic_core.types import (
         Bodies,
         BodyParameters,
         BoolArray,
         ContactProbability,
+        Float64Array,
         FloatArray,
         Keypoints,
     )
@@ -110,7 +109,7 @@ def _true_touch(world: World) -> FloatArray:
     return touch
 
 
-def turns_from_tpose(world: World) -> NDArray[np.float64]:
+def turns_from_tpose(world: World) -> Float64Array:
     """Return the rotations (N, J, 3, 3) of joints from the T-pose to the camera's frame."""
     return rotations_from_tpose(rotations_from_parameters(world.parameters).double().numpy())
 

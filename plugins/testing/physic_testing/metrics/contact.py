@@ -8,7 +8,7 @@ precision and recall, so ``f1_pooled`` or ``f1_of_means``; DECO and BSTRO print 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -18,11 +18,7 @@ from physic_core.errors import PhysicError
 from physic_testing.metrics.shapes import require_bool_dtype, require_same_shape
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import BoolArray, FloatArray
-
-    Counts = NDArray[np.int64]
+    from physic_core.types import BoolArray, FloatArray, Int64Array, IntArray
 
 
 @dataclass(frozen=True)
@@ -35,9 +31,9 @@ class ContactCounts:
         misses: (...,) int64, true only.
     """
 
-    hits: Counts
-    false_alarms: Counts
-    misses: Counts
+    hits: Int64Array
+    false_alarms: Int64Array
+    misses: Int64Array
 
 
 @dataclass(frozen=True)
@@ -152,10 +148,10 @@ class GeodesicError:
 
     false_positive_cm: FloatArray
     false_negative_cm: FloatArray
-    unreachable: NDArray[np.int64]
+    unreachable: Int64Array
 
 
-def surface_graph(vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> csr_array:
+def surface_graph(vertices: FloatArray, faces: IntArray) -> csr_array:
     """Build the edge graph of a mesh; one graph of the rest pose serves all people.
 
     Args:

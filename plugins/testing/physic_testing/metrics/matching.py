@@ -16,11 +16,7 @@ from physic_core.backends import people
 from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import BoolArray, FloatArray
-
-    Indices = NDArray[np.int64]
+    from physic_core.types import BoolArray, FloatArray, Int64Array
 
 
 @dataclass(frozen=True)
@@ -34,10 +30,10 @@ class Matching:
         false_alarms: (L,) int64, predictions without a match.
     """
 
-    predicted: Indices
-    truth: Indices
-    missed: Indices
-    false_alarms: Indices
+    predicted: Int64Array
+    truth: Int64Array
+    missed: Int64Array
+    false_alarms: Int64Array
 
     @property
     def predicted_of(self) -> dict[int, int]:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import BoolArray
+    from physic_core.types import AnyArray, BoolArray
 
 
-def require_same_shape(what: str, predicted: NDArray[Any], truth: NDArray[Any]) -> None:
+def require_same_shape(what: str, predicted: AnyArray, truth: AnyArray) -> None:
     """Raise PhysicError if two arrays differ in shape; ``what`` is their plural name for the
     message.
     """
@@ -25,7 +23,7 @@ def require_same_shape(what: str, predicted: NDArray[Any], truth: NDArray[Any]) 
         )
 
 
-def require_bool_dtype(what: str, values: NDArray[Any]) -> BoolArray:
+def require_bool_dtype(what: str, values: AnyArray) -> BoolArray:
     """Return the array, or raise PhysicError if it is not bool.
 
     A probability converted to bool would count every value above zero.

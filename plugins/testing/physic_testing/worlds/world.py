@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.body import BodyModel
-    from physic_core.types import BoolArray, FloatArray, Skeleton, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, Int64Array, Skeleton, UInt8Array
 
 __all__ = ["WORLDS", "World", "load_world", "pixel_rays", "project", "world_of"]
 
@@ -280,7 +280,7 @@ def _pictures(
 
 
 def _views(
-    file: Mapping[str, Any], vertices: FloatArray, faces: NDArray[np.int64], intrinsics: Intrinsics
+    file: Mapping[str, Any], vertices: FloatArray, faces: Int64Array, intrinsics: Intrinsics
 ) -> dict[str, Any]:
     """Return depth, normals, masks and surfaces with and without people."""
     rays = pixel_rays(intrinsics)
@@ -316,7 +316,7 @@ def _views(
     }
 
 
-def _first_hits(caster: RayCaster, rays: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+def _first_hits(caster: RayCaster, rays: FloatArray) -> tuple[Int64Array, FloatArray]:
     """Return the first face (H, W) at each ray (H, W, 3) from the camera, -1 for none, and its
     depth.
     """
@@ -326,7 +326,7 @@ def _first_hits(caster: RayCaster, rays: FloatArray) -> tuple[NDArray[np.int64],
 
 def _facts_of_faces(
     file: Mapping[str, Any], people: int, faces: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], UInt8Array]:
+) -> tuple[Int64Array, Int64Array, UInt8Array]:
     """Return person, small object (-1 for none) and surface of each face of the scene, of each of
     the ``faces`` of each person, and last of no face.
     """
@@ -338,9 +338,7 @@ def _facts_of_faces(
     return owner, item, np.concatenate([file["face_surface"], nothing]).astype(np.uint8)
 
 
-def _normals_towards_camera(
-    normals: FloatArray, face: NDArray[np.int64], rays: FloatArray
-) -> FloatArray:
+def _normals_towards_camera(normals: FloatArray, face: Int64Array, rays: FloatArray) -> FloatArray:
     """Return the unit normals (H, W, 3) of the faces (H, W) at pixels; zero for face -1."""
     towards = np.where((face >= 0)[..., None], normals[face], 0)
     towards /= np.maximum(np.linalg.norm(towards, axis=-1, keepdims=True), 1e-12)

@@ -14,11 +14,10 @@ from physic_visual.palette import contact_color, contact_colors, person_color, p
 from physic_visual.rig import body_at_hand
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from scipy.spatial import cKDTree
 
     from physic_core.body import BodyArrays
-    from physic_core.types import Person, Reconstruction
+    from physic_core.types import Float64Array, Person, Reconstruction
 
 # Vertices of all people between which gaps are measured; of a crowd, every n-th.
 _MAX_COMPARED = 120_000
@@ -168,7 +167,7 @@ def _gaps(reconstruction: Reconstruction) -> dict[tuple[int, int], float]:
     return gaps
 
 
-def _gap(tree: cKDTree, first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+def _gap(tree: cKDTree, first: Float64Array, second: Float64Array) -> float:
     """Return the least distance of two sets of points, the first of them in the tree."""
     bound = float(tree.query(second[::_SPARSE])[0].min())
     near = ((second >= first.min(0) - bound) & (second <= first.max(0) + bound)).all(1)

@@ -14,9 +14,16 @@ from physic_visual.surface import BACKDROP, is_near, mesh_scene, scene_meshes, s
 from physic_visual.textures.dressed import dressed_bodies, dressed_images
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import Person, Reconstruction, UInt8Array
+    from physic_core.types import (
+        AnyArray,
+        BoolArray,
+        FloatArray,
+        Int64Array,
+        IntArray,
+        Person,
+        Reconstruction,
+        UInt8Array,
+    )
 
 _STEPS = 65535
 
@@ -26,7 +33,7 @@ one 60 kB.
 """
 
 
-def pack_points(points: NDArray[np.floating[Any]]) -> dict[str, Any]:
+def pack_points(points: FloatArray) -> dict[str, Any]:
     """Pack finite points (N, 3), metres, in 16 bits per axis of their bounding box.
 
     Returns:
@@ -47,7 +54,7 @@ def pack_points(points: NDArray[np.floating[Any]]) -> dict[str, Any]:
     }
 
 
-def pack_indices(indices: NDArray[np.integer[Any]]) -> dict[str, Any]:
+def pack_indices(indices: IntArray) -> dict[str, Any]:
     """Pack vertex ids: ``bits`` is 16 or 32, ``data`` are little-endian unsigned integers in
     base64.
     """
@@ -58,12 +65,12 @@ def pack_indices(indices: NDArray[np.integer[Any]]) -> dict[str, Any]:
     }
 
 
-def pack_bytes(values: NDArray[Any]) -> str:
+def pack_bytes(values: AnyArray) -> str:
     """Pack integers from 0 to 255 in base64."""
     return _base64_text(np.ascontiguousarray(values, np.uint8).tobytes())
 
 
-def pack_flags(flags: NDArray[np.bool_]) -> str:
+def pack_flags(flags: BoolArray) -> str:
     """Pack flags as bits, the first one the lowest of the first byte, in base64."""
     return _base64_text(np.packbits(flags.ravel(), bitorder="little").tobytes())
 
@@ -180,9 +187,7 @@ def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
 _COARSE_M = 0.02  # spacing of the vertices of coarse bodies, metres
 
 
-def _coarse(
-    vertices: NDArray[np.floating[Any]], faces: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _coarse(vertices: FloatArray, faces: Int64Array) -> tuple[Int64Array, Int64Array, Int64Array]:
     """Return ids (v,) of the vertices that are kept, faces between them, and the kept one (V,) for
     each vertex.
     """
@@ -196,14 +201,14 @@ def _coarse(
     return mesh.ids.numpy(), mesh.faces.numpy(), mesh.of_vertex.numpy()
 
 
-def _pack_contact(person: Person, groups: NDArray[np.int64], count: int) -> str:
+def _pack_contact(person: Person, groups: Int64Array, count: int) -> str:
     """Pack the contact of each of ``count`` groups of vertices, the strongest of its vertices."""
     strength = np.zeros(count)
     np.maximum.at(strength, groups, contact_strength(person))
     return pack_bytes(np.ceil(255 * strength))
 
 
-def _pack_partner(person: Person, groups: NDArray[np.int64], count: int) -> dict[str, Any] | None:
+def _pack_partner(person: Person, groups: Int64Array, count: int) -> dict[str, Any] | None:
     """Pack the partner of each of ``count`` groups of vertices, the greatest index of its
     vertices.
     """

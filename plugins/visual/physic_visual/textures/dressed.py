@@ -30,14 +30,12 @@ from physic_visual.textures.raster import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
 
     from physic_core.body import BodyArrays
     from physic_core.geometry import RayCaster
-    from physic_core.types import Reconstruction, UInt8Array
+    from physic_core.types import Float32Array, Float64Array, Int64Array, Reconstruction, UInt8Array
 
-    Array = NDArray[np.float64]
 
 SIZES = (128, 256, 512)
 """Texels along a side of a texture: at least as many as the person has px in height, up to the
@@ -69,12 +67,12 @@ class DressedBody:
         shown_share: share of the body's surface that a photo shows.
     """
 
-    vertices: Array
-    normals: Array
-    photo_weight: Array
-    guessed_colors: Array
+    vertices: Float64Array
+    normals: Float64Array
+    photo_weight: Float64Array
+    guessed_colors: Float64Array
     colors: UInt8Array
-    guessed_share: NDArray[np.float32]
+    guessed_share: Float32Array
     shown_share: float
 
 
@@ -191,9 +189,7 @@ def texture_raster(source: str, size: int) -> TextureRaster:
     return rasterize_texture(texture_coordinates(source), size)
 
 
-def _sides_and_parts(
-    model: BodyArrays | None, count: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _sides_and_parts(model: BodyArrays | None, count: int) -> tuple[Int64Array, Int64Array]:
     """Return the vertex (V,) on the other side of the body, and the part (V,) of each.
 
     Without a body model, each vertex is its own other side, and all are one part.
@@ -206,7 +202,7 @@ def _sides_and_parts(
     return cKDTree(rest).query(rest * [-1.0, 1.0, 1.0])[1], model.part_of_vertex
 
 
-def _laplacian(faces: NDArray[np.int64], count: int) -> csr_matrix:
+def _laplacian(faces: Int64Array, count: int) -> csr_matrix:
     """Return the graph Laplacian (count, count) of the edges of a mesh."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import laplacian
@@ -217,12 +213,12 @@ def _laplacian(faces: NDArray[np.int64], count: int) -> csr_matrix:
 
 
 def _fill(
-    photo: Array,
-    weight: Array,
+    photo: Float64Array,
+    weight: Float64Array,
     laplacian: csr_matrix,
-    others: NDArray[np.int64],
-    parts: NDArray[np.int64],
-) -> Array:
+    others: Int64Array,
+    parts: Int64Array,
+) -> Float64Array:
     """Return a colour (V, 3) of each vertex: the photo's, the other side's, and smooth between.
 
     It minimises ``sum w (c - photo)^2 + sum over edges (c_i - c_j)^2 + PART_WEIGHT (c - mean of the
@@ -252,20 +248,24 @@ def _fill(
     return solved
 
 
-def _mixed(photo: Array, weight: Array, beside: Array) -> UInt8Array:
+def _mixed(photo: Float64Array, weight: Float64Array, beside: Float64Array) -> UInt8Array:
     """Return the colours of the photo by their weight (n,), and others for the rest."""
     blend = np.minimum(weight, 1)[:, None]
     return np.clip(np.round(blend * photo + (1 - blend) * beside), 0, 255).astype(np.uint8)
 
 
-def _shaded_skin(colors: Array, normals: Array, result: Reconstruction) -> Array:
+def _shaded_skin(
+    colors: Float64Array, normals: Float64Array, result: Reconstruction
+) -> Float64Array:
     """Return guessed colours (V, 3) of skin with normals (V, 3) under a light from above and the
     left.
     """
     up = np.asarray(up_in_camera(result.scene.level), np.float64)
     light = 0.8 * up - [0.6, 0.0, 0.0]
     light = light / np.linalg.norm(light)
-    darkened: Array = colors * (_DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals @ light))[:, None]
+    darkened: Float64Array = (
+        colors * (_DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals @ light))[:, None]
+    )
     return darkened
 
 

@@ -16,9 +16,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.geometry import RayCaster
-    from physic_core.types import Reconstruction
+    from physic_core.types import BoolArray, Float32Array, Float64Array, Reconstruction, UInt8Array
 
-    Array = NDArray[np.float64]
 
 FULL_FACING = 0.45
 NO_FACING = 0.15
@@ -43,7 +42,9 @@ HIDDEN_M = 0.015
 """A point is hidden by a body that is nearer than it by more than this, metres."""
 
 
-def photo_weights(points: Array, normals: Array, caster: RayCaster | None) -> Array:
+def photo_weights(
+    points: Float64Array, normals: Float64Array, caster: RayCaster | None
+) -> Float64Array:
     """Return how well the photo shows each point (n,), in 0-1: by the angle to the ray, 0 where a
     body hides it.
 
@@ -63,8 +64,8 @@ def photo_weights(points: Array, normals: Array, caster: RayCaster | None) -> Ar
 
 
 def photo_colors(
-    result: Reconstruction, index: int, points: Array, weight: Array
-) -> tuple[Array, Array, Array]:
+    result: Reconstruction, index: int, points: Float64Array, weight: Float64Array
+) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Return the colours of the photo at points of a person.
 
     Args:
@@ -87,7 +88,7 @@ def photo_colors(
     return photo, visible_share, near
 
 
-def _smooth(share: Array) -> Array:
+def _smooth(share: Float64Array) -> Float64Array:
     t = np.clip(share, 0.0, 1.0)
     return t * t * (3 - 2 * t)
 
@@ -104,8 +105,8 @@ class _MaskPicture:
     """
 
     corner: tuple[int, int]
-    colors: NDArray[np.float32]
-    distance: NDArray[np.float32]
+    colors: Float32Array
+    distance: Float32Array
     height: float
 
 
@@ -115,7 +116,7 @@ def _mask_pictures(result: Reconstruction) -> tuple[_MaskPicture | None, ...]:
     return tuple(_mask_picture(result.image, one.mask) for one in result.people)
 
 
-def _mask_picture(image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> _MaskPicture | None:
+def _mask_picture(image: UInt8Array, mask: BoolArray) -> _MaskPicture | None:
     import cv2
 
     if not mask.any():
@@ -139,8 +140,8 @@ def _mask_picture(image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> _MaskPic
 
 
 def _sample(
-    result: Reconstruction, index: int, points: Array
-) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    result: Reconstruction, index: int, points: Float64Array
+) -> tuple[Float64Array, BoolArray, BoolArray]:
     """Return the photo's colours (n, 3) at points of its frame, and whether each is in the mask of
     a person, and near to it.
 
@@ -160,7 +161,7 @@ def _sample(
     limit = 32_000  # cv2.remap takes no more rows than this
     parts = [slice(start, start + limit) for start in range(0, len(points), limit)]
 
-    def at(values: NDArray[np.float32], outside: float) -> NDArray[np.float32]:
+    def at(values: Float32Array, outside: float) -> Float32Array:
         rows = [
             cv2.remap(
                 values,

@@ -7,14 +7,25 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from physic_core.errors import BodyModelError
 from physic_core.files import read_arrays
+
+if TYPE_CHECKING:
+    from physic_core.types import (
+        AnyArray,
+        BoolArray,
+        Float32Array,
+        Float64Array,
+        FloatArray,
+        Int64Array,
+        IntArray,
+    )
+
 
 _TEXELS = 32_000  # texels at a time
 
@@ -32,10 +43,10 @@ class TextureRaster:
     """
 
     size: int
-    rows: NDArray[np.int64]
-    columns: NDArray[np.int64]
-    faces: NDArray[np.int64]
-    corners: NDArray[np.float64]
+    rows: Int64Array
+    columns: Int64Array
+    faces: Int64Array
+    corners: Float64Array
 
     def parts(self) -> Iterator[TextureRaster]:
         """Yield the texels in blocks."""
@@ -45,9 +56,7 @@ class TextureRaster:
                 self.size, self.rows[rows], self.columns[rows], self.faces[rows], self.corners[rows]
             )
 
-    def interpolate(
-        self, triangles: NDArray[np.int64], values: NDArray[Any]
-    ) -> NDArray[np.float64]:
+    def interpolate(self, triangles: Int64Array, values: AnyArray) -> Float64Array:
         """Return values (n, ...) at the texels of values (V, ...) at the corners of triangles (F,
         3).
         """
@@ -56,18 +65,18 @@ class TextureRaster:
             (self.corners.ravel(), triangles[self.faces].ravel(), ends),
             shape=(len(self.faces), len(values)),
         )
-        picked: NDArray[np.float64] = weights @ values
+        picked: Float64Array = weights @ values
         return picked
 
-    def image(self, values: NDArray[Any]) -> NDArray[Any]:
+    def image(self, values: AnyArray) -> AnyArray:
         """Return values (n, ...) as an image (size, size, ...), continued over the edges of the
         charts.
         """
-        filled: NDArray[Any] = values[self._nearest]
+        filled: AnyArray = values[self._nearest]
         return filled
 
     @cached_property
-    def _nearest(self) -> NDArray[np.int64]:
+    def _nearest(self) -> Int64Array:
         """Texel whose value each pixel (size, size) of an image has."""
         inside = np.zeros((self.size, self.size), bool)
         inside[self.rows, self.columns] = True
@@ -93,7 +102,7 @@ def rasterize_texture(mesh: TextureCoordinates, size: int) -> TextureRaster:
     )
 
 
-def pad_texture(image: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
+def pad_texture(image: AnyArray, inside: BoolArray) -> AnyArray:
     """Fill the pixels outside of a mask with the value of the nearest pixel inside; image (H, W,
     ...).
     """
@@ -120,14 +129,12 @@ class TextureCoordinates:
         faces: (F, 3) int64 indices into ``uv``; the triangles of the body in their order.
     """
 
-    uv: NDArray[np.float32]
-    vertex: NDArray[np.int64]
-    faces: NDArray[np.int64]
+    uv: Float32Array
+    vertex: Int64Array
+    faces: Int64Array
 
 
-def load_texture_coordinates(
-    source: str | Path, faces: NDArray[np.integer[Any]]
-) -> TextureCoordinates:
+def load_texture_coordinates(source: str | Path, faces: IntArray) -> TextureCoordinates:
     """Load the texture coordinates of the embedded body, or ``vt`` and ``ft`` of a SMPL-X file.
 
     Args:
@@ -137,7 +144,7 @@ def load_texture_coordinates(
     Raises:
         BodyModelError: the file has none.
     """
-    triangles: NDArray[np.int64] = np.array(faces, np.int64)
+    triangles: Int64Array = np.array(faces, np.int64)
     if source == "embedded":
         with (
             as_file(files("physic_core.body").joinpath("embedded_uv.npz")) as path,
@@ -157,9 +164,7 @@ def load_texture_coordinates(
         ) from error
 
 
-def split_at_seams(
-    faces: NDArray[np.int64], corners: NDArray[np.int64], uv: NDArray[np.floating[Any]]
-) -> TextureCoordinates:
+def split_at_seams(faces: Int64Array, corners: Int64Array, uv: FloatArray) -> TextureCoordinates:
     """Return a mesh with one coordinate per vertex, of faces (F, 3) and the coordinates (F, 3) of
     their corners.
 
