@@ -28,7 +28,7 @@ from scipy.spatial.transform import Rotation
 from physic_core import InputError, Person, Reconstruction, find_exporter
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.export import export_frame
-from physic_core.geometry.upright import transform_points
+from physic_core.geometry.world_frame import transform_points
 from physic_testing.metrics import markdown_table
 
 from .fits import parser_of

@@ -32,7 +32,7 @@ from physic_core.body import load_body
 from physic_core.body.bones import parameters_from_rotations, pose_from_parameters
 from physic_core.conversion import convert_bodies
 from physic_core.geometry.rotations import rotvec_to_rotmat_numpy
-from physic_core.prepare.bodies import turn_sigmas
+from physic_core.prepare.bodies import rotation_sigmas
 from physic_core.types import Bodies, BodyParameters, Intrinsics
 from physic_embedded.keypoint_detector import EmbeddedKeypoints
 from physic_embedded.segmenter import EmbeddedSegmenter
@@ -220,7 +220,7 @@ def _with_errors(start: BodyParameters, name: str) -> BodyParameters:
     rng = np.random.default_rng(sum(map(ord, name)))
     axes = rng.standard_normal((len(rotations), _BODY, 3))
     axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
-    angles = turn_sigmas(_joints(start), SIGMA_M)[..., None]
+    angles = rotation_sigmas(_joints(start), SIGMA_M)[..., None]
     angles = angles * rng.standard_normal(angles.shape)
     common = rng.standard_normal(3)
     common *= math.radians(TURN_DEG) / np.linalg.norm(common)

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.judge.spec import CHECKS
-from physic_core.judge.trust import ALL, CAP, load_of, probabilities_of
+from physic_core.judge.trust import ALL, CAP, probabilities_of, relative_excess
 from physic_core.types import MARKS
 from physic_core.types.records import USABLE
 from physic_testing.metrics import match_by_boxes, resampled_interval
@@ -213,7 +213,7 @@ def loads_of(row: Row) -> list[float | None]:
     """Return the load of each term of a person; None where unknown."""
     specs = [CHECKS[name] for name in TERMS]
     return [
-        load_of(row["checks"].get(spec.name), spec.threshold, spec.direction, spec.unit)
+        relative_excess(row["checks"].get(spec.name), spec.threshold, spec.direction, spec.unit)
         for spec in specs
     ]
 

@@ -138,7 +138,7 @@ _NAMES = {
 _DOORS = {
     "export": "export_reconstruction",
     "joint_angles": "joint_angles",
-    "joints_beside": "joints_beside",
+    "joints_of_parts": "joints_of_parts",
     "load": "load_reconstruction",
     "person_table": "person_table",
     "photo_row": "photo_row",
@@ -149,8 +149,8 @@ _DOORS = {
 }
 _public = importer(__name__, _NAMES)
 _BEHIND = {
-    "body.joint_angles": "joint_angles joints_beside",
-    "geometry.upright": "world_from_camera",
+    "body.joint_angles": "joint_angles joints_of_parts",
+    "geometry.world_frame": "world_from_camera",
     "types.tables": "person_table photo_row",
 }
 _imported = importer(__name__, _NAMES | _BEHIND)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.discovery.plugins import call_item, explain_absence, find_items
+from physic_core.discovery.plugins import absence_message, find_items, import_and_call
 from physic_core.errors import BodyModelError, ConfigError, PackageMissingError, PluginError
 
 if TYPE_CHECKING:
@@ -153,12 +153,12 @@ def _converter() -> BodyConverter:
     plugins = find_items("physic_body_converters")
     if not plugins:
         raise PackageMissingError(
-            f"bodies of other models are converted by {explain_absence(_DISTRIBUTION)}"
+            f"bodies of other models are converted by {absence_message(_DISTRIBUTION)}"
         )
     if len(plugins) > 1:
         names = " and ".join(plugin.distribution for plugin in plugins)
         raise ConfigError(f"bodies of other models are converted by {names}: uninstall one of them")
-    converter: Any = call_item(plugins[0], _ROLE)
+    converter: Any = import_and_call(plugins[0], _ROLE)
     if not isinstance(converter, BodyConverter):
         raise PluginError(
             f"{plugins[0].title(_ROLE)} should return a BodyConverter, got "

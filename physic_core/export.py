@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.discovery.hooks import ExporterRecord
-from physic_core.discovery.plugins import Found, call_item, find_exporter
+from physic_core.discovery.plugins import Found, find_exporter, import_and_call
 from physic_core.errors import ConfigError, InputError, OutputError, PluginError
 from physic_core.files.atomic import (
     MARK,
@@ -29,7 +29,7 @@ from physic_core.files.atomic import (
     open_regular,
     unreadable,
 )
-from physic_core.geometry.upright import world_from_camera
+from physic_core.geometry.world_frame import world_from_camera
 from physic_core.types.records import Exported, ExportedFiles
 
 if TYPE_CHECKING:
@@ -202,7 +202,7 @@ def export_reconstruction(
     )
     # before an exporter that takes long is called
     _check_names(folder, names, overwrite, result.photo)
-    made = call_item(exporter, "exporter", request)
+    made = import_and_call(exporter, "exporter", request)
     if not isinstance(made, ExportedFiles):
         raise PluginError(
             f"{exporter.title('exporter')} should return physic_core.ExportedFiles, got "

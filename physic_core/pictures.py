@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 from physic_core.discovery.hooks import PluginItem
-from physic_core.discovery.plugins import Found, call_item, explain_absence, find_items
+from physic_core.discovery.plugins import Found, absence_message, find_items, import_and_call
 from physic_core.errors import ConfigError, PackageMissingError, PluginError
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def make_pictures(
     # waiting.
     with threadpool_limits(limits=1, user_api="blas"):
         title = title or getattr(result, "photo_name", "") or "Reconstruction"
-        made = call_item(found, _ROLE, result, names, title)
+        made = import_and_call(found, _ROLE, result, names, title)
     pictures = dict[str, bytes]()
     for name in names:
         content = made.get(name) if isinstance(made, Mapping) else made
@@ -100,7 +100,7 @@ def require_pictures() -> Found[PluginItem]:
     found = find_items("physic_pictures")
     if not found:
         raise PackageMissingError(
-            f"pictures and pages of a result are made by {explain_absence(_DISTRIBUTION)}; "
+            f"pictures and pages of a result are made by {absence_message(_DISTRIBUTION)}; "
             '--save numbers (save="numbers" in Python) needs none'
         )
     if len(found) > 1:

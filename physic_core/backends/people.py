@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.geometry.readings import mask_iou as mask_iou
+from physic_core.geometry.depth_comparison import mask_iou as mask_iou
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import rest_mesh_of_model as rest_mesh_of_model
     from physic_core.body.posing import JointTree as JointTree
     from physic_core.body.posing import Skin as Skin
-    from physic_core.body.posing import turns_above as turns_above
+    from physic_core.body.posing import parent_rotations as parent_rotations
     from physic_core.body.posture import angle_deg as angle_deg
     from physic_core.body.posture import legs_in_line as legs_in_line
     from physic_core.body.posture import standing_legs as standing_legs
@@ -89,7 +89,7 @@ _NAMES = {
     "joint_angles": "segment_axes",
     "landmarks": "BODY_POINTS keypoints_on_body",
     "model": "BodyModel BodyOutput LandmarkModel build_body_model rest_mesh_of_model",
-    "posing": "JointTree Skin turns_above",
+    "posing": "JointTree Skin parent_rotations",
     "posture": "angle_deg legs_in_line standing_legs",
 }
 

@@ -175,7 +175,7 @@ class _Array(PickledObject):
 
     def dense(self) -> AnyArray:
         _, shape, kind, columns_first, data = self.state
-        return _decoded(data, kind, _shape(shape), "F" if columns_first else "C")
+        return _array_from_bytes(data, kind, _shape(shape), "F" if columns_first else "C")
 
 
 class _FromBuffer(PickledObject):
@@ -187,7 +187,7 @@ class _FromBuffer(PickledObject):
 
     def dense(self) -> AnyArray:
         data, kind, shape, order, *axes = self.arguments
-        stored = _decoded(data, kind, _shape(shape), "F" if order == "F" else "C")
+        stored = _array_from_bytes(data, kind, _shape(shape), "F" if order == "F" else "C")
         return stored.transpose(*axes) if axes else stored
 
 
@@ -208,7 +208,7 @@ class _JoblibArray(PickledObject):
         self.data = file.read(size)
 
     def dense(self) -> AnyArray:
-        return _decoded(
+        return _array_from_bytes(
             self.data, self.part("dtype"), _shape(self.part("shape")), self.part("order")
         )
 
@@ -225,7 +225,7 @@ class _Scalar(PickledObject):
 
     def dense(self) -> AnyArray:
         kind, data = self.arguments
-        return _decoded(data, kind, (), "C")
+        return _array_from_bytes(data, kind, (), "C")
 
 
 class _Sparse(PickledObject):
@@ -352,7 +352,7 @@ class _Unpickler(pickle._Unpickler):
         raise UnsafePickleError(escape_unprintable(f"{module}.{name}"))
 
 
-def _decoded(data: Any, kind: Any, shape: tuple[int, ...], order: Any) -> AnyArray:
+def _array_from_bytes(data: Any, kind: Any, shape: tuple[int, ...], order: Any) -> AnyArray:
     """Return the array of bytes in a dtype and shape; text stands for bytes of Python 2."""
     if not isinstance(kind, _DType):
         raise InvalidArrayError("is an array without a type")
@@ -362,6 +362,8 @@ def _decoded(data: Any, kind: Any, shape: tuple[int, ...], order: Any) -> AnyArr
     return np.frombuffer(content, kind.to_dtype()).reshape(shape, order=order)
 
 
-def _shape(given: Any) -> tuple[int, ...]:
+def _shape(stored_shape: Any) -> tuple[int, ...]:
     """Return the axis lengths of an array, which can be placeholders of numpy scalars."""
-    return tuple(int(as_array(n)) if isinstance(n, _Scalar) else operator.index(n) for n in given)
+    return tuple(
+        int(as_array(n)) if isinstance(n, _Scalar) else operator.index(n) for n in stored_shape
+    )

@@ -54,15 +54,15 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel) -> 
         model: the body model that the parameters are for.
     """
     assert hands.wrists is not None
-    share = _shares(hands)
+    share = _follow_shares(hands)
     rows = np.flatnonzero((share > 0).any(1) & np.isfinite(parameters.global_orient).all(1))
     if not len(rows):
         return parameters
     some = parameters[rows]
     world = rotations_from_tpose(rotations_from_parameters(some).double().numpy())
-    given = (share[rows] > 0)[..., None]
-    wanted = rotvec_to_rotmat_numpy(np.where(given, hands.wrists[rows], 0.0).astype(np.float64))
-    wanted = np.where(given[..., None], wanted, world[:, _WRISTS])
+    has_hand = (share[rows] > 0)[..., None]
+    wanted = rotvec_to_rotmat_numpy(np.where(has_hand, hands.wrists[rows], 0.0).astype(np.float64))
+    wanted = np.where(has_hand[..., None], wanted, world[:, _WRISTS])
     axes = unit(BoneOffsets.of(model).for_betas(some.betas.astype(np.float64))[:, _WRISTS])
     elbows, wrists = _rotate_towards(
         world[:, _ELBOWS], world[:, _WRISTS], wanted, share[rows], axes
@@ -71,14 +71,14 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel) -> 
     local[:, _ELBOWS] = np.swapaxes(world[:, _SHOULDERS], -1, -2) @ elbows
     local[:, _WRISTS] = np.swapaxes(elbows, -1, -2) @ wrists
     fingers = rotvec_to_rotmat_numpy(
-        np.where(given[..., None], hands.rotvecs[rows], 0.0).astype(np.float64)
+        np.where(has_hand[..., None], hands.rotvecs[rows], 0.0).astype(np.float64)
     )
     for side, joints in enumerate(_HANDS):
         local[:, joints] = slerp(local[:, joints], fingers[:, side], share[rows, side, None])
-    return _with_arms(parameters, rows, local, given[..., 0])
+    return _set_arm_rotations(parameters, rows, local, has_hand[..., 0])
 
 
-def _shares(hands: Hands) -> Float64Array:
+def _follow_shares(hands: Hands) -> Float64Array:
     """Return how far arms follow each hand (N, 2), from 0 to 1, smooth in the confidence."""
     confidence = np.asarray(hands.confidence, np.float64)
     ramp = np.clip((confidence - _MIN_CONFIDENCE) / (_FULL_CONFIDENCE - _MIN_CONFIDENCE), 0.0, 1.0)
@@ -95,14 +95,14 @@ def _rotate_towards(
     """Rotate forearms and hands (n, 2, 3, 3) by a ``share`` (n, 2) of the arc to the ``wanted``
     rotations.
     """
-    way = rotmat_to_rotvec(wanted @ np.swapaxes(wrists, -1, -2))
+    difference = rotmat_to_rotvec(wanted @ np.swapaxes(wrists, -1, -2))
     start = rotmat_to_rotvec(np.swapaxes(elbows, -1, -2) @ wrists)
     # A wrist that is out of range at the start may stay there, and may return.
     low = np.minimum(-WRIST_LIMITS, start)
     high = np.maximum(WRIST_LIMITS, start)
 
     def at(step: Float64Array) -> tuple[Float64Array, Float64Array]:
-        turn = way * step[..., None]
+        turn = difference * step[..., None]
         hand = rotvec_to_rotmat_numpy(turn) @ wrists
         forearm = elbows @ rotvec_to_rotmat_numpy(_pronation(elbows, turn, axes)[..., None] * axes)
         return forearm, hand
@@ -131,21 +131,23 @@ def _pronation(elbows: Float64Array, turn: Float64Array, axes: Float64Array) -> 
     return clipped
 
 
-def _with_arms(
-    parameters: BodyParameters, rows: Int64Array, local: Float64Array, given: BoolArray
+def _set_arm_rotations(
+    parameters: BodyParameters, rows: Int64Array, local: Float64Array, has_hand: BoolArray
 ) -> BodyParameters:
-    """Replace elbows, wrists and fingers of ``rows`` where ``given`` (n, 2); all other values stay
-    identical.
+    """Replace elbows, wrists and fingers of ``rows`` where ``has_hand`` (n, 2); all other
+    values stay identical.
     """
     changed = {
         name: getattr(parameters, name).copy()
         for name in ("body_pose", "left_hand_pose", "right_hand_pose")
     }
     for side, name in enumerate(("left_hand_pose", "right_hand_pose")):
-        own = local[given[:, side]]
-        people = rows[given[:, side]]
-        changed[name][people] = rotmat_to_rotvec(own[:, _HANDS[side]]).reshape(len(people), 45)
+        side_rotations = local[has_hand[:, side]]
+        people = rows[has_hand[:, side]]
+        changed[name][people] = rotmat_to_rotvec(side_rotations[:, _HANDS[side]]).reshape(
+            len(people), 45
+        )
         for joint in (_ELBOWS[side], _WRISTS[side]):
             columns = slice(3 * joint - 3, 3 * joint)
-            changed["body_pose"][people, columns] = rotmat_to_rotvec(own[:, joint])
+            changed["body_pose"][people, columns] = rotmat_to_rotvec(side_rotations[:, joint])
     return replace(parameters, **changed)

@@ -131,7 +131,7 @@ def cholesky_solve(normal: Float64Array, rhs: Float64Array) -> Float64Array:
     return solution
 
 
-def _family() -> Float64Array:
+def _ancestor_matrix() -> Float64Array:
     """Return the (55, 55) matrix that is 1 where the column is the joint of the row or one of its
     ancestors.
     """
@@ -141,7 +141,7 @@ def _family() -> Float64Array:
     return reach
 
 
-ANCESTOR_MATRIX = _family()
+ANCESTOR_MATRIX = _ancestor_matrix()
 """(55, 55), 1 where the column is the joint of the row or one of its ancestors."""
 
 

@@ -196,8 +196,8 @@ def _check_values(path: Path, arrays: Mapping[str, AnyArray], layout: ModelFileL
         )
 
 
-def _check(
-    path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader | AnyArray]
+def _check_shapes(
+    path: Path, layout: ModelFileLayout, arrays: Mapping[str, ArrayHeader | AnyArray]
 ) -> None:
     """Raise BodyModelError if arrays are missing or have wrong shapes or types.
 
@@ -205,18 +205,18 @@ def _check(
         BodyModelError: as above.
     """
     advice = layout.advice
-    template = found.get("v_template")
+    template = arrays.get("v_template")
     count = template.shape[0] if template is not None and template.shape else layout.vertices
     if count in _NAMES and count != layout.vertices:
         raise BodyModelError(
             f"{path} is {_NAMES[count]} file ({count} vertices), not {layout.name}: {advice}"
         )
-    if missing := [name for name in layout.shapes if name not in found]:
+    if missing := [name for name in layout.shapes if name not in arrays]:
         raise BodyModelError(f"{path} lacks the arrays {', '.join(missing)}: {advice}")
-    if layout is SMPL and found["weights"].shape == (layout.vertices, 52):
+    if layout is SMPL and arrays["weights"].shape == (layout.vertices, 52):
         raise BodyModelError(f"{path} is a SMPL+H file (52 joints), not SMPL: {advice}")
     for name, shape in layout.shapes.items():
-        array = found[name]
+        array = arrays[name]
         if array.dtype.kind not in "fiu":
             raise BodyModelError(
                 f"{path}: {name} holds {escape_unprintable(str(array.dtype))}, not numbers: "
@@ -231,7 +231,7 @@ def _check(
                 f"{path}: {name} must be {wanted}, got {escape_unprintable(str(array.shape))}: "
                 f"{advice}"
             )
-    columns = found["shapedirs"].shape[2]
+    columns = arrays["shapedirs"].shape[2]
     if columns not in layout.columns:
         raise BodyModelError(
             f"{path}: shapedirs has {columns} columns, where {layout.name} has "
@@ -245,7 +245,7 @@ def _from_npz(path: Path, layout: ModelFileLayout) -> dict[str, AnyArray]:
         with path.open("rb") as stream:
             present = read_names(stream)
             names = [name for name in layout.shapes if name in present]
-            _check(path, layout, read_headers(stream, names))
+            _check_shapes(path, layout, read_headers(stream, names))
             return read_arrays(stream, names)
     except ObjectArrayError as error:
         raise BodyModelError(
@@ -281,7 +281,7 @@ def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, AnyArray]:
                 arrays[name] = as_array(content[name])
             except InvalidArrayError as error:
                 raise BodyModelError(f"{path}: {name} {error}: {layout.advice}") from error
-    _check(path, layout, arrays)
+    _check_shapes(path, layout, arrays)
     return arrays
 
 
@@ -322,14 +322,14 @@ class SmplBody:
         """Return posed joints (N, 24, 3), metres, for local rotations (N, 24, 3, 3), betas (N, 10),
         transl (N, 3).
         """
-        return self._chain(rotations, self._shaped(betas))[1] + transl[:, None]
+        return self._joint_transforms(rotations, self._shaped(betas))[1] + transl[:, None]
 
     def vertices(
         self, rotations: Float64Array, betas: Float64Array, transl: Float64Array
     ) -> Float64Array:
         """Return posed vertices (N, 6890, 3), metres; arguments as in :meth:`smpl_joints`."""
         shaped = self._shaped(betas)
-        world, joints, rest = self._chain(rotations, shaped)
+        world, joints, rest = self._joint_transforms(rotations, shaped)
         bent = (rotations[:, 1:] - np.eye(3)).reshape(len(rotations), -1)
         shaped = shaped + (bent @ self.posedirs.reshape(-1, bent.shape[1]).T).reshape(shaped.shape)
         turns = (self.weights @ world.reshape(len(world), -1, 9)).reshape(*shaped.shape, 3)
@@ -343,7 +343,7 @@ class SmplBody:
             betas @ self.shapedirs.reshape(-1, self.shapedirs.shape[2]).T
         ).reshape(-1, *self.template.shape)
 
-    def _chain(
+    def _joint_transforms(
         self, rotations: Float64Array, shaped: Float64Array
     ) -> tuple[Float64Array, Float64Array, Float64Array]:
         """Return world rotations (N, 24, 3, 3), posed joints (N, 24, 3) and rest joints (N, 24,
@@ -515,15 +515,15 @@ def _read(folder: Path) -> BodyArrays:
         outer=arrays["outer"],
         picks=VertexSets(
             arrays["part_of_vertex"],
-            _ragged(arrays, "contact"),
-            _ragged(arrays, "landmark"),
+            _split_groups(arrays, "contact"),
+            _split_groups(arrays, "landmark"),
             arrays["extremes"],
         ),
         info=str(arrays["info"]),
     )
 
 
-def _ragged(arrays: Mapping[str, AnyArray], name: str) -> dict[str, AnyArray]:
+def _split_groups(arrays: Mapping[str, AnyArray], name: str) -> dict[str, AnyArray]:
     """Split named groups of ids, stored as names, counts and one list."""
     groups = np.split(arrays[f"{name}_ids"], np.cumsum(arrays[f"{name}_counts"])[:-1])
     return dict(zip((str(n) for n in arrays[f"{name}_names"]), groups, strict=True))

@@ -50,7 +50,11 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
     turns = _ISB @ rotvec_to_rotmat_numpy(np.nan_to_num(pose)) @ _ISB.T
     turns[np.isnan(pose).any(1)] = np.nan
     found = [
-        (tuple(f"{name}_{word}" for word in _TRUNK_TURNS), (-1, 1, 1), _product(turns, joints))
+        (
+            tuple(f"{name}_{word}" for word in _TRUNK_TURNS),
+            (-1, 1, 1),
+            _chain_rotation(turns, joints),
+        )
         for name, joints in _TRUNK.items()
     ]
     elevations: dict[str, float] = {}
@@ -58,7 +62,7 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
         # the arm of the T-pose, lowered to the side
         lowered = rotvec_to_rotmat_numpy(np.array([sign * np.pi / 2, 0.0, 0.0]))
         for limb, (joints, words, _) in _LIMBS.items():
-            turn = _product(turns, tuple(f"{side}_{joint}" for joint in joints))
+            turn = _chain_rotation(turns, tuple(f"{side}_{joint}" for joint in joints))
             if limb in ("shoulder", "elbow"):
                 turn = (lowered if limb == "elbow" else np.eye(3)) @ turn @ lowered.T
             names = tuple(f"{side}_{limb}_{word}" for word in words)
@@ -75,7 +79,7 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
     return {name: angle + 0.0 for name, angle in (angles | elevations).items()}  # no "-0"
 
 
-def _product(turns: Float64Array, joints: tuple[str, ...]) -> Float64Array:
+def _chain_rotation(turns: Float64Array, joints: tuple[str, ...]) -> Float64Array:
     """Return the rotation of the last of some joints against the segment above the first."""
     whole = np.eye(3)
     for joint in joints:
@@ -89,7 +93,7 @@ def segment_axes(turn: Float64Array) -> Float64Array:
     return axes
 
 
-def joints_beside(parts: tuple[str, ...]) -> tuple[str, ...]:
+def joints_of_parts(parts: tuple[str, ...]) -> tuple[str, ...]:
     """Return the joints beside body parts, such as "left_knee" beside "left_lower_leg"."""
     return tuple(
         f"{side}_{limb}"

@@ -91,7 +91,7 @@ def skeleton_regressor(skeleton: Skeleton, picks: Mapping[str, Tensor]) -> Landm
     Raises:
         BodyModelError: a point is not defined on a body, or refers to an unknown point.
     """
-    blend, names = _blend(skeleton)
+    blend, names = _landmark_weights(skeleton)
     groups = [picks[name].cpu() for name in names if name not in JOINT_INDEX]
     ids = torch.cat([torch.zeros(0, dtype=torch.int64), *groups])
     points = torch.zeros(len(names), NUM_JOINTS + len(ids))
@@ -106,7 +106,7 @@ def skeleton_regressor(skeleton: Skeleton, picks: Mapping[str, Tensor]) -> Landm
     return LandmarkRegressor(ids, blend @ points)
 
 
-def _blend(skeleton: Skeleton) -> tuple[Tensor, list[str]]:
+def _landmark_weights(skeleton: Skeleton) -> tuple[Tensor, list[str]]:
     """Return the (J, P) weights of P body points for each keypoint, with rows that sum to 1, and
     the P names.
     """
@@ -116,7 +116,7 @@ def _blend(skeleton: Skeleton) -> tuple[Tensor, list[str]]:
     blend = torch.zeros(len(skeleton), len(names))
     for row, name in enumerate(skeleton.names):
         shares = skeleton.on_body.get(name, {})
-        _check_place(skeleton.name, name, shares)
+        _check_definition(skeleton.name, name, shares)
         if name in column:
             blend[row, column[name]] = 1
         for other, share in shares.items():
@@ -129,7 +129,7 @@ def _blend(skeleton: Skeleton) -> tuple[Tensor, list[str]]:
 _SHARES_OFF = 1e-6
 
 
-def _check_place(skeleton: str, name: str, shares: Mapping[str, float]) -> None:
+def _check_definition(skeleton: str, name: str, shares: Mapping[str, float]) -> None:
     """Raise BodyModelError if a keypoint has no valid definition on the body."""
     if strange := [other for other in shares if other not in BODY_POINTS]:
         raise BodyModelError(
@@ -173,7 +173,7 @@ class TPoseMesh:
         """(V,) index into PART_NAMES."""
         return label_parts(self.weights)
 
-    def within(self, *parts: str) -> BoolArray:
+    def outer_vertices(self, *parts: str) -> BoolArray:
         """Return the outer vertices (V,) bool of some parts."""
         return self.outer & np.isin(self.part_of_vertex, [PART_NAMES.index(name) for name in parts])
 
@@ -191,17 +191,17 @@ def contact_set_vertices(mesh: TPoseMesh) -> dict[str, Int64Array]:
     behind = -mesh.normals[:, 2] > 0.3
     chosen: dict[str, BoolArray] = {}
     for side in SIDES:
-        foot = mesh.within(f"{side}_foot")
+        foot = mesh.outer_vertices(f"{side}_foot")
         low = y - (y[foot].min() if foot.any() else 0.0)
         chosen[f"{side}_sole"] = foot & (low < _SOLE_DEPTH) & (down > 0.5)
         chosen[f"{side}_foot"] = foot & (low < _FOOT_DEPTH) & (down > -0.3)
-        chosen[f"{side}_hand"] = mesh.within(f"{side}_hand") & (down > 0.2)
+        chosen[f"{side}_hand"] = mesh.outer_vertices(f"{side}_hand") & (down > 0.2)
     hips, knees = (float(mesh.joints[joint_pair(name), 1].mean()) for name in ("hip", "knee"))
     thigh = hips - knees
     seat_low = hips - 0.25 * thigh
     seat_high = hips + 0.25 * thigh
-    legs = mesh.within("left_upper_leg", "right_upper_leg")
-    torso = mesh.within("torso")
+    legs = mesh.outer_vertices("left_upper_leg", "right_upper_leg")
+    torso = mesh.outer_vertices("torso")
     chosen["thighs"] = legs & behind & (y < seat_low)
     chosen["gluteus"] = (legs | torso) & behind & (y >= seat_low) & (y < seat_high)
     chosen["back"] = (
@@ -246,7 +246,7 @@ _EAR_FORWARD = 0.012
 
 def _pick_face(mesh: TPoseMesh) -> dict[str, Int64Array]:
     """Return the vertex ids of nose, eyes, mouth and ears."""
-    head = mesh.within("head")
+    head = mesh.outer_vertices("head")
     # With lids or eyeballs, which are not part of the outer surface.
     whole_head = mesh.part_of_vertex == PART_NAMES.index("head")
     eyes = mesh.joints[joint_pair("eye")]
@@ -257,21 +257,21 @@ def _pick_face(mesh: TPoseMesh) -> dict[str, Int64Array]:
     mouth_height = nose[1] - _MOUTH_DROP * (eyes[:, 1].mean() - nose[1])
     for side, sign, eye in zip(SIDES, (1.0, -1.0), eyes, strict=True):
         out = np.array([sign * _EYE_HALF_WIDTH, 0.0, 0.0])
-        picks[f"{side}_eye_surface"] = _in_front(mesh, whole_head, eye, 4)
-        picks[f"{side}_eye_inner_surface"] = _in_front(mesh, whole_head, eye - out, 3)
-        picks[f"{side}_eye_outer_surface"] = _in_front(mesh, whole_head, eye + out, 3)
+        picks[f"{side}_eye_surface"] = _nearest_to_forward_ray(mesh, whole_head, eye, 4)
+        picks[f"{side}_eye_inner_surface"] = _nearest_to_forward_ray(mesh, whole_head, eye - out, 3)
+        picks[f"{side}_eye_outer_surface"] = _nearest_to_forward_ray(mesh, whole_head, eye + out, 3)
         corner = np.array([sign * _MOUTH_HALF_WIDTH, mouth_height, eye[2]])
-        picks[f"{side}_mouth_corner_surface"] = _in_front(mesh, head, corner, 3)
+        picks[f"{side}_mouth_corner_surface"] = _nearest_to_forward_ray(mesh, head, corner, 3)
         rim = mesh.vertices[_furthest(mesh, head, np.array([sign, 0.0, 0.0]), 40)].mean(0)
         canal = rim + np.array([-sign * _EAR_DEPTH, 0.0, _EAR_FORWARD])
         apart = np.linalg.norm(mesh.vertices - canal, axis=1)
-        picks[f"{side}_ear_surface"] = _first(head, apart, 8)
+        picks[f"{side}_ear_surface"] = _lowest_cost(head, apart, 8)
     return picks
 
 
 def _pick_foot(mesh: TPoseMesh, side: str, sign: float) -> dict[str, Int64Array]:
     """Return the vertex ids of toes, heel and foot tip of one foot."""
-    foot = mesh.within(f"{side}_foot")
+    foot = mesh.outer_vertices(f"{side}_foot")
     x, _, z = mesh.vertices.T
     forward = np.array([0.0, 0.0, 1.0])
     toes = foot & (z > mesh.joints[JOINT_INDEX[f"{side}_foot"], 2])
@@ -292,19 +292,21 @@ def _pick_foot(mesh: TPoseMesh, side: str, sign: float) -> dict[str, Int64Array]
 
 def _furthest(mesh: TPoseMesh, mask: BoolArray, direction: Float64Array, count: int) -> Int64Array:
     """Return the ids of the ``count`` vertices of the mask that are furthest along a direction."""
-    return _first(mask, -(mesh.vertices @ direction), count)
+    return _lowest_cost(mask, -(mesh.vertices @ direction), count)
 
 
-def _in_front(mesh: TPoseMesh, mask: BoolArray, point: Float64Array, count: int) -> Int64Array:
+def _nearest_to_forward_ray(
+    mesh: TPoseMesh, mask: BoolArray, point: Float64Array, count: int
+) -> Int64Array:
     """Return the ids of the ``count`` forward-facing vertices of the mask nearest to the +z ray
     from ``point``.
     """
     facing = mask & (mesh.vertices[:, 2] > point[2]) & (mesh.normals[:, 2] > 0)
     off_axis = np.linalg.norm(mesh.vertices[:, :2] - point[:2], axis=1)
-    return _first(facing if facing.any() else mask, off_axis, count)
+    return _lowest_cost(facing if facing.any() else mask, off_axis, count)
 
 
-def _first(mask: BoolArray, cost: Float64Array, count: int) -> Int64Array:
+def _lowest_cost(mask: BoolArray, cost: Float64Array, count: int) -> Int64Array:
     """Return the ids of the ``count`` vertices of the mask with the least cost, ascending; of all
     if it is empty.
     """

@@ -110,14 +110,14 @@ class BodyModel:
         """Vertices (S,) int64 of both soles."""
         return torch.cat([self.contact_sets["left_sole"], self.contact_sets["right_sole"]])
 
-    def in_contact_sets(self, *names: str) -> Tensor:
+    def contact_set_mask(self, *names: str) -> Tensor:
         """Return the vertices (V,) bool of contact sets."""
         chosen = torch.zeros_like(self.outer)
         for name in names:
             chosen[self.contact_sets[name]] = True
         return chosen
 
-    def on_parts(self, *endings: str) -> Tensor:
+    def part_mask(self, *endings: str) -> Tensor:
         """Return the vertices (V,) bool of body parts whose names have one of these endings."""
         chosen = torch.tensor([name.endswith(endings) for name in self.part_names])
         return chosen.to(self.device)[self.part_of_vertex]

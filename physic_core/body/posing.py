@@ -243,7 +243,7 @@ class JointTree:
         )
 
 
-def turns_above(turns: Tensor, parents: Tensor) -> Tensor:
+def parent_rotations(turns: Tensor, parents: Tensor) -> Tensor:
     """Return the rotation (B, n, 3, 3) of the bone above each of n joints, identity for the root.
 
     Args:
@@ -255,7 +255,7 @@ def turns_above(turns: Tensor, parents: Tensor) -> Tensor:
     return above
 
 
-def _across_joints(matrix: Tensor, values: Tensor) -> Tensor:
+def _multiply_joints(matrix: Tensor, values: Tensor) -> Tensor:
     """Return ``matrix @ values`` of each body, (J, J) and (B, J, k), by one product for all
     bodies.
     """
@@ -327,7 +327,7 @@ class _Pose(torch.autograd.Function):
         by_vertex = gradients[0].transpose(1, 2).contiguous()
         by_joint = gradients[1]
         by_transl = by_vertex.sum(-1) + by_joint.sum(1)
-        by_skinning, by_shape = _through_skin(skin, by_vertex, shaped, columns)
+        by_skinning, by_shape = _skin_gradients(skin, by_vertex, shaped, columns)
 
         # From bone motions about the origin of the bind pose to bone rotations and joint positions.
         by_shift = by_skinning[..., 3]
@@ -335,7 +335,7 @@ class _Pose(torch.autograd.Function):
         by_rest = -(by_shift[..., None, :] @ skinning[..., :3])[..., 0, :]
         if kinematics.bind_rot is not None:
             by_turn = by_turn @ kinematics.bind_rot.transpose(-1, -2)
-        by_rotations, by_bones = _along_tree(tree, world, by_turn, by_joint + by_shift)
+        by_rotations, by_bones = _tree_gradients(tree, world, by_turn, by_joint + by_shift)
         by_rest = by_rest + by_bones
         by_coefficients = (
             by_shape[:, :num_shape] + by_rest.flatten(1) @ kinematics.directions[:num_shape].T
@@ -345,7 +345,7 @@ class _Pose(torch.autograd.Function):
         return by_rotations, by_coefficients, by_transl, None, None
 
 
-def _through_skin(
+def _skin_gradients(
     skin: Skin, by_vertex: Tensor, shaped: Tensor, columns: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Return the gradients of the bone motions (B, J, 3, 4) and of all coefficients (B, D), from
@@ -360,7 +360,7 @@ def _through_skin(
     return by_skinning, by_shaped.flatten(1) @ skin.directions.flatten(1).T
 
 
-def _along_tree(
+def _tree_gradients(
     tree: JointTree, world: Tensor, by_turn: Tensor, by_place: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Return the gradients of the rotations (B, J, 3, 3) and of the joints at rest (B, J, 3), from
@@ -372,12 +372,12 @@ def _along_tree(
     kinematics = tree.kinematics
     turn = world[..., :3]
     place = world[..., 3]
-    pull = _across_joints(tree.family, by_place)
+    pull = _multiply_joints(tree.family, by_place)
     bones = place - place.index_select(1, kinematics.parents)
     own = by_turn @ turn.transpose(-1, -2)
     lever = pull[..., None] * bones[..., None, :]
-    twist = _across_joints(tree.family, (own + lever).flatten(2)).reshape(own.shape) - lever
-    upper = turns_above(turn, kinematics.parents)
+    twist = _multiply_joints(tree.family, (own + lever).flatten(2)).reshape(own.shape) - lever
+    upper = parent_rotations(turn, kinematics.parents)
     by_offset = (pull[..., None, :] @ upper)[..., 0, :]
     if kinematics.bind_rot is not None:
         turned = by_offset[:, 1:, None] @ kinematics.bind_rot.index_select(
@@ -385,4 +385,4 @@ def _along_tree(
         )
         by_offset = torch.cat([by_offset[:, :1], turned[:, :, 0]], 1)
     by_rotations = upper.transpose(-1, -2) @ twist @ turn
-    return by_rotations, _across_joints(tree.incidence.T, by_offset)
+    return by_rotations, _multiply_joints(tree.incidence.T, by_offset)

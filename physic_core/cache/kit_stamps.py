@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _SUFFIX = CACHES["kit"][1]
 
 
-def is_vouched_for(
+def has_passed_kit(
     interface: str, name: str, distribution: str, target: str, backend: Backend | None = None
 ) -> bool:
     """Return whether a backend ships with the project, or has a stamp.

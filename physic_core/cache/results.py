@@ -29,7 +29,14 @@ from physic_core.cache.folders import CACHES, LruFolder, claimed_cache, plain_na
 from physic_core.discovery.entry_points import required_versions
 from physic_core.errors import OutputError
 from physic_core.files.npz import MAX_ARRAY_BYTES
-from physic_core.files.plain import Arrays, DamagedFileError, join, read_value, split, write_value
+from physic_core.files.serialization import (
+    Arrays,
+    DamagedFileError,
+    join,
+    read_value,
+    split,
+    write_value,
+)
 from physic_core.interfaces import INTERFACES
 
 if TYPE_CHECKING:

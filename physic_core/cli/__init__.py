@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, OTHER, exit_code
-from physic_core.cli.groups import ExtensibleGroup, explained
+from physic_core.cli.groups import ExtensibleGroup, with_suggestion
 from physic_core.cli.output import echo, printed_logs
 from physic_core.errors import PhysicError
 from physic_core.files.text import shorten
@@ -37,17 +37,17 @@ class _Main(ExtensibleGroup):
         try:
             return super().parse_args(ctx, args)
         except click.UsageError as error:
-            raise explained(error) from error
+            raise with_suggestion(error) from error
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; print a PhysicError, and exit with the code of its class.
 
         The message of a KeyboardInterrupt says what the command has kept.
         """
-        from physic_core.discovery.plugin_code import own_stdout
+        from physic_core.discovery.plugin_code import protected_stdout
 
         try:
-            with own_stdout(), printed_logs():
+            with protected_stdout(), printed_logs():
                 return super().invoke(ctx)
         except (KeyboardInterrupt, click.Abort) as error:
             kept = f": {error}" if str(error) else ""
@@ -56,7 +56,7 @@ class _Main(ExtensibleGroup):
             ctx.exit(INTERRUPTED)
         except click.ClickException as error:
             shown = StringIO()
-            (explained(error) if isinstance(error, click.UsageError) else error).show(shown)
+            (with_suggestion(error) if isinstance(error, click.UsageError) else error).show(shown)
             echo(shown.getvalue(), nl=False, err=True)
             ctx.exit(error.exit_code)
         except PhysicError as error:

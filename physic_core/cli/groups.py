@@ -33,7 +33,7 @@ _CURES = {
 _NEAR = 0.75
 
 
-def explained(error: click.UsageError) -> click.UsageError:
+def with_suggestion(error: click.UsageError) -> click.UsageError:
     """Return the error of a command line, with what to write in place of what does not exist."""
     ctx = error.ctx
     if ctx is None:
@@ -52,12 +52,12 @@ def explained(error: click.UsageError) -> click.UsageError:
 def _no_command_message(name: str, ctx: click.Context) -> str:
     from physic_core.discovery.catalog import COMMANDS
     from physic_core.discovery.error_text import did_you_mean
-    from physic_core.discovery.plugins import explain_absence
+    from physic_core.discovery.plugins import absence_message
 
     path = ctx.command_path
     full_name = " ".join([*path.split()[1:], name])
     if (distribution := COMMANDS.get(full_name)) is not None:
-        return f"'physic {full_name}' is a command of {explain_absence(distribution)}"
+        return f"'physic {full_name}' is a command of {absence_message(distribution)}"
     if ctx.parent is None and os.path.isdir(name):
         cure = f": did you mean 'physic batch {name} -o results'?"
     elif ctx.parent is None and os.path.splitext(name)[1]:

@@ -6,7 +6,7 @@ import inspect
 import os
 from typing import TYPE_CHECKING, Any
 
-from physic_core.cache.kit_stamps import is_vouched_for
+from physic_core.cache.kit_stamps import has_passed_kit
 from physic_core.cli.output import format_table
 from physic_core.discovery.backends import (
     list_backends,
@@ -71,7 +71,7 @@ def _state(offer: Offer) -> str:
     needs += dict.fromkeys(text for one in sets for text in one.needs.split(", ") if text)
     if needs:
         return f"needs {', '.join(needs)}"
-    passed = is_vouched_for(offer.interface, offer.name, offer.distribution, offer.target)
+    passed = has_passed_kit(offer.interface, offer.name, offer.distribution, offer.target)
     return "ready" if passed else f"ready; never passed `physic plugins check {offer.name}` here"
 
 

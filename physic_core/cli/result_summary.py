@@ -61,7 +61,7 @@ def print_summary(
         for one in record.unposed
         if one.is_missing
     ]
-    useful = sorted(record.notes, key=_leaves_nothing_to_do)
+    useful = sorted(record.notes, key=_is_informative_only)
     shown = useful[:notes]
     lines += [f"note: {text}" for text in shown]
     if more := len(useful) - len(shown):
@@ -84,7 +84,7 @@ def print_summary(
     echo("\n".join(lines))
 
 
-def _leaves_nothing_to_do(note: str) -> bool:
+def _is_informative_only(note: str) -> bool:
     """Return whether a note names no option of the command, and asks nothing."""
     return "--" not in note and not note.endswith("?")
 
@@ -103,8 +103,8 @@ def _person_lines(person: Mapping[str, Any]) -> Iterator[str]:
     contacts = "; ".join(filter(None, (person["contacts"], person["assumed"])))
     texts = {
         "contact": contacts or ("none" if distance is not None else ""),
-        "not visible": _pairs_in_words(person["unseen"] or ""),
-        "uncertain": _pairs_in_words(person["unsure"] or ""),
+        "not visible": _merge_sides(person["unseen"] or ""),
+        "uncertain": _merge_sides(person["unsure"] or ""),
         "why": person["why"],
     }
     for name, text in texts.items():
@@ -112,7 +112,7 @@ def _person_lines(person: Mapping[str, Any]) -> Iterator[str]:
             yield f"  {name}: {text}"
 
 
-def _pairs_in_words(parts: str) -> str:
+def _merge_sides(parts: str) -> str:
     """Return a list of parts in which "both hands" stands for the left and the right one."""
     names = parts.split(", ") if parts else []
     words: dict[str, None] = {}

@@ -28,7 +28,7 @@ from physic_core.discovery.backends import (
 )
 from physic_core.discovery.entry_points import Offer
 from physic_core.discovery.plugin_code import named_plugin_code
-from physic_core.discovery.process_state import kept_process_state
+from physic_core.discovery.process_state import restored_process_state
 from physic_core.errors import (
     AmbiguousBackendError,
     BackendError,
@@ -316,7 +316,7 @@ def _select(
 
 def _construct(offer: Offer, kind: type[Backend], options: Options) -> ResolvedBackend:
     with (
-        kept_process_state() as changes,
+        restored_process_state() as changes,
         named_plugin_code(f"{offer} cannot be constructed", kind),
     ):
         backend = kind(options)

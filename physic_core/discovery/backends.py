@@ -74,7 +74,7 @@ def find_backend(interface: str, name: str) -> Offer:
         BackendNotFoundError: no installed plugin offers it.
         AmbiguousBackendError: two distributions offer it.
     """
-    offers = _called(list_backends(interface), name)
+    offers = _offers_named(list_backends(interface), name)
     if len(offers) == 1:
         return offers[0]
     if offers:
@@ -102,7 +102,7 @@ def find_by_name(name: str) -> tuple[Offer, ...]:
         BackendNotFoundError: no backend has this name.
         BackendError: the class cannot be imported, or implements no interface.
     """
-    if offers := _called(list_backends(), name):
+    if offers := _offers_named(list_backends(), name):
         return offers
     target = local_modules.split_folder(name)[1]
     if not TARGET.fullmatch(target):
@@ -210,7 +210,7 @@ def missing_requirements(backend: Backend) -> tuple[str, ...]:
     return tuple(messages)
 
 
-def _called(offers: tuple[Offer, ...], name: str) -> tuple[Offer, ...]:
+def _offers_named(offers: tuple[Offer, ...], name: str) -> tuple[Offer, ...]:
     """Return the backends named "name" or "distribution:name"."""
     owner, _, bare = name.rpartition(":")
     return tuple(

@@ -208,7 +208,7 @@ def _owners(folders: tuple[tuple[str, float], ...]) -> Mapping[str, list[str]]:
 @lru_cache(maxsize=8)
 def _read_entry_points(folders: tuple[tuple[str, float], ...]) -> tuple[Offer, ...]:
     offers = []
-    seen = set()
+    distributions_read = set()
     for installed in distributions():
         try:
             entries = [entry for entry in installed.entry_points if _GROUP.match(entry.group)]
@@ -216,11 +216,13 @@ def _read_entry_points(folders: tuple[tuple[str, float], ...]) -> tuple[Offer, .
             continue
         if not entries:
             continue
-        about = installed.metadata  # parsed at each access
-        name = about["Name"]
+        metadata = installed.metadata  # parsed at each access
+        name = metadata["Name"]
         # Python imports the first distribution of a name
-        if not name or canonicalize_name(name) in seen:
+        if not name or canonicalize_name(name) in distributions_read:
             continue
-        seen.add(canonicalize_name(name))
-        offers += [Offer(one.group, one.name, one.value, name, about["Version"]) for one in entries]
+        distributions_read.add(canonicalize_name(name))
+        offers += [
+            Offer(one.group, one.name, one.value, name, metadata["Version"]) for one in entries
+        ]
     return tuple(sorted(offers, key=lambda one: (one.group, one.name, one.distribution)))

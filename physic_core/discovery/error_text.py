@@ -48,16 +48,16 @@ def describe_error(error: BaseException, *owners: str | type) -> str:
     message = bounded_message(error)
     text = f"{type(error).__name__}: {message}" if message else type(error).__name__
     # The message of a SyntaxError contains its place.
-    place = "" if isinstance(error, SyntaxError) else _place(error, owners)
+    place = "" if isinstance(error, SyntaxError) else _frame_text(error, owners)
     return f"{text} ({place})" if place else text
 
 
-def left_out(what: str, error: BaseException) -> str:
+def left_out_warning(what: str, error: BaseException) -> str:
     """Return the warning of a result that is complete without something whose making failed."""
     return f"{what} failed: {describe_error(error)}; the rest of the result is complete"
 
 
-def make_each(parts: Mapping[str, Callable[[], Any]]) -> tuple[dict[str, Any], list[str]]:
+def make_optional_parts(parts: Mapping[str, Callable[[], Any]]) -> tuple[dict[str, Any], list[str]]:
     """Make parts of a result without which it is complete.
 
     Args:
@@ -76,7 +76,7 @@ def make_each(parts: Mapping[str, Callable[[], Any]]) -> tuple[dict[str, Any], l
         except OutputError:
             raise
         except Exception as error:
-            warnings.append(left_out(name, error))
+            warnings.append(left_out_warning(name, error))
     return made, warnings
 
 
@@ -105,7 +105,7 @@ def traceback_text(error: BaseException | None) -> str:
     )
 
 
-def _place(error: BaseException, owners: tuple[str | type, ...]) -> str:
+def _frame_text(error: BaseException, owners: tuple[str | type, ...]) -> str:
     names = {owner if isinstance(owner, str) else owner.__module__ for owner in owners}
     packages = {_package(name) for name in names} - {"", "physic_core"}
     last = ""

@@ -37,12 +37,12 @@ def with_folder(name: str, folder: Path) -> str:
         The unchanged name if it is not "module:Class", or if the folder does not contain the
         module.
     """
-    own, target = split_folder(name)
+    name_folder, target = split_folder(name)
     if not TARGET.fullmatch(target):
         return name
-    place = (folder / os.path.expanduser(own) if own else folder).absolute()
-    held = own is not None or _file(place, target.partition(":")[0]) is not None
-    return f"{place.as_posix().removesuffix('/')}/{target}" if held else name
+    folder_path = (folder / os.path.expanduser(name_folder) if name_folder else folder).absolute()
+    held = name_folder is not None or _file(folder_path, target.partition(":")[0]) is not None
+    return f"{folder_path.as_posix().removesuffix('/')}/{target}" if held else name
 
 
 def split_folder(name: str) -> tuple[Path | None, str]:
@@ -64,15 +64,15 @@ def load_module(folder: Path, name: str) -> ModuleType:
     if _file(folder, name) is None:
         raise ModuleNotFoundError(f"there is no {name.replace('.', '/')}.py in {folder}")
     top = name.partition(".")[0]
-    own = _file(folder, top) or folder / top
+    file = _file(folder, top) or folder / top
     with _lock:
         taken = _installed_spec(top)
-        if taken is not None and own.resolve() not in _places(taken):
+        if taken is not None and file.resolve() not in _folders_of_spec(taken):
             raise ImportError(
-                f"another module is called {top} ({taken.origin or 'a package'}): rename {own}"
+                f"another module is called {top} ({taken.origin or 'a package'}): rename {file}"
             )
         if taken is None:
-            _execute(top, own)
+            _execute(top, file)
         return importlib.import_module(name)
 
 
@@ -93,23 +93,23 @@ def _installed_spec(top: str) -> ModuleSpec | None:
         return ModuleSpec(top, None)
 
 
-def _places(spec: ModuleSpec) -> set[Path]:
+def _folders_of_spec(spec: ModuleSpec) -> set[Path]:
     names = [spec.origin] if spec.has_location else spec.submodule_search_locations
     return {Path(name).resolve() for name in names or () if name is not None}
 
 
-def _execute(top: str, own: Path) -> None:
+def _execute(top: str, file: Path) -> None:
     """Execute the file of a module; a folder without ``__init__.py`` becomes a package."""
-    if own.suffix == ".py":
-        inside = [str(own.parent)] if own.name == "__init__.py" else None
-        spec = importlib.util.spec_from_file_location(top, own, submodule_search_locations=inside)
+    if file.suffix == ".py":
+        inside = [str(file.parent)] if file.name == "__init__.py" else None
+        spec = importlib.util.spec_from_file_location(top, file, submodule_search_locations=inside)
     else:
         spec = ModuleSpec(top, None, is_package=True)
-        spec.submodule_search_locations = [str(own)]
+        spec.submodule_search_locations = [str(file)]
     assert spec is not None
     module = sys.modules[top] = importlib.util.module_from_spec(spec)
     try:
-        if spec.loader is not None and own.suffix == ".py":
+        if spec.loader is not None and file.suffix == ".py":
             spec.loader.exec_module(module)
     except BaseException:
         sys.modules.pop(top, None)

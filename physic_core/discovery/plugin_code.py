@@ -17,7 +17,7 @@ from physic_core.errors import BackendError, PhysicError
 
 @contextmanager
 def plugin_code() -> Iterator[None]:
-    """Run code of a plugin. Inside :func:`own_stdout`, ``print`` writes to stderr.
+    """Run code of a plugin. Inside :func:`protected_stdout`, ``print`` writes to stderr.
 
     Raises:
         PluginExit: the plugin raised a BaseException that is not an Exception.
@@ -61,7 +61,7 @@ _stdout_is_own = False
 
 
 @contextmanager
-def own_stdout() -> Iterator[None]:
+def protected_stdout() -> Iterator[None]:
     """Keep the standard output for the command: what plugins write to file descriptor 1 goes to
     stderr.
     """

@@ -131,7 +131,7 @@ def find_item(
         owners = " and ".join(sorted(one.distribution for one in matches))
         raise ConfigError(f"the {role} '{name}' is offered by {owners}: uninstall one of them")
     if name in known:
-        raise ConfigError(f"the {role} '{name}' needs {explain_absence(known[name])}")
+        raise ConfigError(f"the {role} '{name}' needs {absence_message(known[name])}")
     names = sorted({own, *known, *(one.record.name for one in items)})
     raise ConfigError(
         f"no {role} named '{name}'; there are: {', '.join(names)}{did_you_mean(name, names)}"
@@ -149,7 +149,7 @@ def import_item(found: Found[Any], role: str) -> Any:
         return getattr(import_module(module), attribute)
 
 
-def call_item(found: Found[Any], role: str, *arguments: object) -> Any:
+def import_and_call(found: Found[Any], role: str, *arguments: object) -> Any:
     """Import the function that the target of a record names, and call it with the arguments.
 
     Raises:
@@ -163,7 +163,7 @@ def call_item(found: Found[Any], role: str, *arguments: object) -> Any:
         return function(*arguments)
 
 
-def explain_absence(distribution: str) -> str:
+def absence_message(distribution: str) -> str:
     """Return the reason why nothing of a known distribution is found, and how to install it.
 
     As "metricbody-ray, which is not installed: `pip install ...`".
@@ -227,7 +227,7 @@ def missing_formats_hint(exporters: Sequence[Found[ExporterRecord]]) -> tuple[st
     """
     if any(exporter.distribution == FORMATS for exporter in exporters):
         return ()
-    return (f"formats are in {explain_absence(FORMATS)}",)
+    return (f"formats are in {absence_message(FORMATS)}",)
 
 
 _WAYS = {
@@ -276,8 +276,8 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
         )
         raise ConfigError(f"the format can be {offers}: {choose}")
     names = ", ".join(each.record.name for each in exporters)
-    own = (f"choose one of {names}",) if names else ()
-    choose = "; ".join((*own, *missing_formats_hint(exporters)))
+    choices = (f"choose one of {names}",) if names else ()
+    choose = "; ".join((*choices, *missing_formats_hint(exporters)))
     what = (
         f"'{name or suffix}' is not an export format"
         if name or suffix

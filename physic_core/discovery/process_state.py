@@ -14,7 +14,7 @@ from typing import Any
 
 
 @contextmanager
-def kept_process_state() -> Iterator[list[str]]:
+def restored_process_state() -> Iterator[list[str]]:
     """Restore the settings at the end of the block.
 
     Yields:

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
-from physic_core.engine.photo import FEWEST_PIXELS
+from physic_core.engine.photo_content import FEWEST_PIXELS
 from physic_core.engine.sizes.known_sizes import size_beside_others
 from physic_core.engine.sizes.stature import size_sigmas, stature_sigmas
 from physic_core.geometry.camera import project

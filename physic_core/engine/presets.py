@@ -20,7 +20,10 @@ from physic_core.engine.joint.method import JointStageMethod, TermWeight
 from physic_core.engine.joint.optimiser import LbfgsOptimiser, Optimiser
 from physic_core.engine.joint.sampling import Sampling, with_static_contacts
 from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.terms.body import (
+from physic_core.engine.joint.terms.head import HeadTerm
+from physic_core.engine.joint.terms.lean import LeanTerm
+from physic_core.engine.joint.terms.people import PeopleTerm, SkinContactTerm, mutual_skin_contacts
+from physic_core.engine.joint.terms.priors import (
     STATED_WEIGHT,
     LimitTerm,
     RegularisationSettings,
@@ -28,10 +31,7 @@ from physic_core.engine.joint.terms.body import (
     SceneScaleTerm,
     StatureTerm,
 )
-from physic_core.engine.joint.terms.head import HeadTerm
-from physic_core.engine.joint.terms.lean import LeanTerm
-from physic_core.engine.joint.terms.people import MeetingTerm, PeopleTerm, mutual_meetings
-from physic_core.engine.joint.terms.picture import (
+from physic_core.engine.joint.terms.reprojection_and_depth import (
     DepthSettings,
     DepthTerm,
     ViewsTerm,
@@ -40,7 +40,7 @@ from physic_core.engine.joint.terms.picture import (
     robust_reprojection,
 )
 from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
-from physic_core.engine.joint.terms.scene import (
+from physic_core.engine.joint.terms.scene_contact import (
     CONTACT_RANGE_M,
     ContactTerm,
     ContactTermSettings,
@@ -182,8 +182,8 @@ class DefaultJointStage(JointStageMethod):
         if len(sampling.state) > 1:
             terms.append(PeopleTerm(self.contact, self.penetration, sampling))
         tolerance = self.optimiser.tolerance
-        if met := mutual_meetings(sampling):
-            terms.append(MeetingTerm(met, sampling))
+        if met := mutual_skin_contacts(sampling):
+            terms.append(SkinContactTerm(met, sampling))
             rough = replace(self.optimiser, tolerance=_ROUGH_FACTOR * tolerance)
             return terms, rough, self.optimiser
         late = replace(self.optimiser, tolerance=min(tolerance, _LATE_TOLERANCE))

@@ -15,13 +15,13 @@ from physic_core.body.model import BodyModel
 from physic_core.engine.ground.carriers import Carried
 from physic_core.engine.ground.floor_and_scale import Ground
 from physic_core.engine.limbs import observed_parts
-from physic_core.engine.photo import PhotoContent
+from physic_core.engine.photo_content import PhotoContent
 from physic_core.engine.scene_state import SceneState, Surroundings
 from physic_core.engine.sizes.known_sizes import LocatedSizes
-from physic_core.engine.whom import Meeting
+from physic_core.engine.skin_contact import SkinContact
 from physic_core.errors import PhysicError
 from physic_core.geometry.alignment import Alignment
-from physic_core.geometry.readings import Comparison
+from physic_core.geometry.depth_comparison import Comparison
 from physic_core.types import Bodies, ContactProbability, DepthMap, KnownSizes
 from physic_core.types.arrays import PER_PERSON, select_people, shape, wrong_rows
 from physic_core.types.contacts import BodyContact, ContactPartner, Support
@@ -149,8 +149,8 @@ class Contact(ShortRepr):
         partners: everything that people touch.
         contacts: per person, contacts by body part, most probable first.
         supports: per person, their support; None for non-finite vertices.
-        parts: body part -> (N,) probability that it touches scene, floor or a hidden support; empty
-            if the method estimates none.
+        part_probability: body part -> (N,) probability that it touches scene, floor or a hidden
+            support; empty if the method estimates none.
     """
 
     probability: Tensor | None
@@ -159,7 +159,7 @@ class Contact(ShortRepr):
     partners: tuple[ContactPartner, ...]
     contacts: tuple[tuple[BodyContact, ...], ...]
     supports: tuple[Support | None, ...]
-    parts: Mapping[str, Tensor] = field(default_factory=dict)
+    part_probability: Mapping[str, Tensor] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class JointResult(ShortRepr):
     joints: Tensor
     depth_offset: Tensor
     failures: tuple[str, ...]
-    released: tuple[Meeting, ...] = ()
+    released: tuple[SkinContact, ...] = ()
     scene_scale: float = 1.0
     losses: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     evaluations: int = 0

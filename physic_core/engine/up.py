@@ -129,7 +129,7 @@ def slope_sigma(labels: SurfaceLabels | None) -> float:
     """Return the standard deviation of the floor's normal from up by the labels of a photo."""
     if labels is None:
         return _SLOPE_OUTDOORS_DEG
-    outdoors, indoors = labels.shares_of_place
+    outdoors, indoors = labels.outdoor_and_indoor_shares
     share = (outdoors + 1e-3) / (outdoors + indoors + 1e-3)
     return _SLOPE_OF_ROOMS_DEG + share * (_SLOPE_OUTDOORS_DEG - _SLOPE_OF_ROOMS_DEG)
 

@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from physic_core.files.npz import read_arrays as read_arrays
     from physic_core.files.npz import read_names as read_names
     from physic_core.files.npz import write_arrays as write_arrays
-    from physic_core.files.plain import DamagedFileError as DamagedFileError
-    from physic_core.files.plain import read_value as read_value
-    from physic_core.files.plain import split as split
-    from physic_core.files.plain import write_value as write_value
+    from physic_core.files.serialization import DamagedFileError as DamagedFileError
+    from physic_core.files.serialization import read_value as read_value
+    from physic_core.files.serialization import split as split
+    from physic_core.files.serialization import write_value as write_value
     from physic_core.files.text import csv_writer as csv_writer
     from physic_core.files.text import finite as finite
     from physic_core.files.text import from_json as from_json
@@ -67,7 +67,7 @@ _NAMES = {
     "image_file": "IMAGE_SUFFIXES ImageSource decode open_image wrap_decoding_errors",
     "names": "UntrustedName paths_inside",
     "npz": "read_arrays read_names write_arrays",
-    "plain": "DamagedFileError read_value split write_value",
+    "serialization": "DamagedFileError read_value split write_value",
     "text": "csv_writer finite from_json parse_json parse_toml path_problem printable quoted "
     "read_csv shorten to_json whole write_csv",
     "values": "boolean count entries identity matrix number",

@@ -192,7 +192,7 @@ def parse_json(content: bytes | str) -> Any:
             parse_constant=_refuse,
             parse_float=finite,
             parse_int=whole,
-            object_pairs_hook=_once,
+            object_pairs_hook=_unique_keys,
         )
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
@@ -230,7 +230,7 @@ def _items(value: Any) -> Iterable[Any]:
     return value if isinstance(value, list) else ()
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     values = dict(pairs)
     if len(values) < len(pairs):
         raise ValueError("an object has a key twice")

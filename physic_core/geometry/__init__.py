@@ -52,9 +52,9 @@ if TYPE_CHECKING:
     from physic_core.geometry.rotvecs import rotvec_to_rotmat as rotvec_to_rotmat
     from physic_core.geometry.tensors import exact_arrays as exact_arrays
     from physic_core.geometry.tensors import optional_tensors as optional_tensors
-    from physic_core.geometry.upright import transform_points as transform_points
-    from physic_core.geometry.upright import up_in_camera as up_in_camera
-    from physic_core.geometry.upright import world_from_camera as world_from_camera
+    from physic_core.geometry.world_frame import transform_points as transform_points
+    from physic_core.geometry.world_frame import up_in_camera as up_in_camera
+    from physic_core.geometry.world_frame import world_from_camera as world_from_camera
 
 _NAMES = {
     "alignment": "AlignmentOptions",
@@ -73,7 +73,7 @@ _NAMES = {
     "rotvec_to_rotmat_numpy slerp swing_twist unit",
     "rotvecs": "rotvec_to_rotmat",
     "tensors": "exact_arrays optional_tensors",
-    "upright": "world_from_camera transform_points up_in_camera",
+    "world_frame": "world_from_camera transform_points up_in_camera",
 }
 
 __getattr__ = importer(__name__, _NAMES)

@@ -192,32 +192,32 @@ _SAME_PLANE = 0.5  # least cosine between the normals of a plane in two point ma
 _REFITTED_PIXELS = 60_000  # about the number of pixels that a known plane is fitted to again
 
 
-def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearch:
+def refit_floor(points: Tensor, valid: Tensor, search: FloorSearch) -> FloorSearch:
     """Fit the plane of an earlier search again, in a point map (H, W, 3), valid (H, W), of another
     unit, camera or offset of inverse depth.
 
     A plane that turns by more than 60 degrees is dropped: it is not the floor of the new map.
     """
-    view = None if found.plane is None else inverse_depth_map(points, valid)
-    if view is None or found.plane is None:
-        return found
-    on = (found.plane.inliers & view.valid).flatten().nonzero()[:, 0]
+    view = None if search.plane is None else inverse_depth_map(points, valid)
+    if view is None or search.plane is None:
+        return search
+    on = (search.plane.inliers & view.valid).flatten().nonzero()[:, 0]
     if len(on) < FEWEST_SAMPLES:
-        return FloorSearch(None, "no_pixels", found.inlier_share, found.below_share)
+        return FloorSearch(None, "no_pixels", search.inlier_share, search.below_share)
     some = on[:: -(-len(on) // _REFITTED_PIXELS)]
     rays, inverse = (each.flatten(0, 1)[some].double() for each in (view.rays, view.inverse))
     plane = refit(rays, inverse, MASK_SLACK * view.tolerance)
-    shares = found.plane.inlier_share, found.plane.below_share
-    fit = plane_as_fit(view, plane, shares, found.plane.source, MASK_SLACK)
-    if float(fit.normal.double() @ found.plane.normal.to(fit.normal).double()) < _SAME_PLANE:
+    shares = search.plane.inlier_share, search.plane.below_share
+    fit = plane_as_fit(view, plane, shares, search.plane.source, MASK_SLACK)
+    if float(fit.normal.double() @ search.plane.normal.to(fit.normal).double()) < _SAME_PLANE:
         return FloorSearch(None, "no_consensus", *shares)
     moved = replace(
-        fit.moved(found.plane.reanchored),
-        pitch_sigma=found.plane.pitch_sigma,
-        plane_sigma=found.plane.plane_sigma,
-        height_sigma=found.plane.height_sigma,
+        fit.moved(search.plane.reanchored),
+        pitch_sigma=search.plane.pitch_sigma,
+        plane_sigma=search.plane.plane_sigma,
+        height_sigma=search.plane.height_sigma,
     )
-    return replace(found, plane=moved)
+    return replace(search, plane=moved)
 
 
 def ray_to_floor(rays: Tensor, plane: PlaneFit, feet_px: Tensor) -> Tensor:

@@ -70,7 +70,7 @@ class InverseDepthMap:
     hole: Tensor | None
     _means: dict[int, _Means] = field(default_factory=dict, init=False, repr=False)
 
-    def means(self, block: int) -> _Means:
+    def block_means(self, block: int) -> _Means:
         """Return the means over square blocks of pixels, computed once for each side."""
         if block not in self._means:
             share = _block_mean(self.valid.to(self.inverse), block)
@@ -137,8 +137,8 @@ def average_blocks(view: InverseDepthMap, mask: Tensor | None) -> BlockMeans:
     rows, columns = view.valid.shape
     block = max(1, math.ceil(math.sqrt(rows * columns / _SAMPLES)))
     while True:
-        means = view.means(block)
-        share = means.share
+        block_means = view.block_means(block)
+        share = block_means.share
         candidate = share > 0
         if mask is not None:
             candidate &= _block_mean((mask & view.valid).to(share), block) > 0.5 * share
@@ -151,9 +151,9 @@ def average_blocks(view: InverseDepthMap, mask: Tensor | None) -> BlockMeans:
     lower = down >= 1 - LOWER_SHARE
     is_known = share > 0
     return BlockMeans(
-        rays=means.rays[is_known].double(),
-        inverse=means.inverse[is_known].double(),
-        weight=means.weight[is_known].double(),
+        rays=block_means.rays[is_known].double(),
+        inverse=block_means.inverse[is_known].double(),
+        weight=block_means.weight[is_known].double(),
         candidate=(candidate if mask is not None else lower & candidate)[is_known],
         lower=lower[is_known],
     )
@@ -330,9 +330,9 @@ def plane_inlier_shares(
     """
     error = samples.inverse - samples.rays @ plane
 
-    def share(found: Tensor, among: Tensor) -> float:
+    def share(inliers: Tensor, among: Tensor) -> float:
         weight = samples.weight * among
-        return float((weight * found).sum() / weight.sum()) if bool(among.any()) else 0.0
+        return float((weight * inliers).sum() / weight.sum()) if bool(among.any()) else 0.0
 
     return share(error.abs() < tolerance, samples.candidate), share(
         error < -2 * tolerance, samples.lower

@@ -34,13 +34,15 @@ def span_of_true(hit: torch.Tensor, margin: int) -> slice:
     return slice(max(0, int(at[0]) - margin), int(at[-1]) + 1 + margin)
 
 
-def quantiles(values: torch.Tensor, shares: Sequence[float], most: int = 50_000) -> list[float]:
-    """Return quantiles of values (M,) without interpolation, of an even subsample of about ``most``
-    if there are more.
+def quantiles(
+    values: torch.Tensor, shares: Sequence[float], max_samples: int = 50_000
+) -> list[float]:
+    """Return quantiles of values (M,) without interpolation, of an even subsample of about
+    ``max_samples`` if there are more.
 
     ``torch.quantile`` does not support large inputs.
     """
-    some = values[:: max(1, len(values) // most)].double().sort().values
+    some = values[:: max(1, len(values) // max_samples)].double().sort().values
     return [float(some[round(share * (len(some) - 1))]) for share in shares]
 
 

@@ -68,12 +68,12 @@ def sample_plane(normal: Tensor, offset: float, points: Tensor, centres: Tensor)
     return origin + torch.cat((close, wide)) @ axes
 
 
-def _grid_points(low: Tensor, high: Tensor, spacing: float, most: int) -> Tensor:
+def _grid_points(low: Tensor, high: Tensor, spacing: float, max_points: int) -> Tensor:
     """Return points (n, 2) of a rectangle, at least a spacing apart, and at most so many."""
     area = float((high - low).clamp(min=1e-6).prod())
-    spacing = max(spacing, math.sqrt(area / most))
+    spacing = max(spacing, math.sqrt(area / max_points))
     counts = ((high - low) / spacing).floor().clamp(min=0).long() + 1
-    while int(counts.prod()) > most:
+    while int(counts.prod()) > max_points:
         spacing *= 1.02
         counts = ((high - low) / spacing).floor().clamp(min=0).long() + 1
     lines = [

@@ -85,16 +85,18 @@ class RayCaster:
         """Return the first hits of rays with origins (n, 3) or (3,) and directions (n, 3) of any
         length.
         """
-        start, way = _rays(origins, directions)
+        start, direction = _rays(origins, directions)
         if self._tree is not None:
-            face, distance, uv = self._tree.first(start, way)
+            face, distance, uv = self._tree.first(start, direction)
         else:
-            hits = self._run(start, way, output=True)
+            hits = self._run(start, direction, output=True)
             face = hits["primID"].astype(np.int64)
             uv = np.stack([hits["u"], hits["v"]], 1).astype(np.float64)
             hit = np.flatnonzero(face >= 0)
             distance = np.full(len(face), np.inf)
-            distance[hit] = self._refined(face[hit], hits["tfar"][hit], start[hit], way[hit])
+            distance[hit] = self._refine_distances(
+                face[hit], hits["tfar"][hit], start[hit], direction[hit]
+            )
         u, v = uv.T
         return RayHits(face, distance, np.stack([1 - u - v, u, v], axis=1))
 
@@ -102,10 +104,10 @@ class RayCaster:
         """Return the first face on each ray, (n,) int64, -1 without a hit: as :meth:`first`,
         faster.
         """
-        start, way = _rays(origins, directions)
+        start, direction = _rays(origins, directions)
         if self._tree is not None:
-            return self._tree.first(start, way)[0]
-        face: Int64Array = self._run(start, way).astype(np.int64)
+            return self._tree.first(start, direction)[0]
+        face: Int64Array = self._run(start, direction).astype(np.int64)
         return face
 
     def plane_distance(
@@ -129,12 +131,12 @@ class RayCaster:
             origins.astype(np.float32), directions.astype(np.float32), **query
         )
 
-    def _refined(
-        self, face: Int64Array, coarse: Float32Array, start: Float64Array, way: Float64Array
+    def _refine_distances(
+        self, face: Int64Array, coarse: Float32Array, start: Float64Array, direction: Float64Array
     ) -> Float64Array:
         """Compute hit distances in float64, except along faces and at tiny faces."""
         # Along a face, and past a tiny one, Embree is more exact than the plane.
-        exact = self.plane_distance(face, start, way)
+        exact = self.plane_distance(face, start, direction)
         close: Float64Array = np.where(
             np.abs(exact - coarse) <= 1e-3 * (1e-2 + np.abs(coarse)), exact, coarse
         )
@@ -142,8 +144,8 @@ class RayCaster:
 
 
 def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Float64Array, Float64Array]:
-    way = np.asarray(directions, np.float64)
-    return np.broadcast_to(np.asarray(origins, np.float64), way.shape), way
+    direction = np.asarray(directions, np.float64)
+    return np.broadcast_to(np.asarray(origins, np.float64), direction.shape), direction
 
 
 @functools.cache
@@ -226,9 +228,9 @@ class _TriangleTree:
         for start in range(0, len(origins), _BLOCK):
             rows = slice(start, start + _BLOCK)
             origin = np.ascontiguousarray(origins[rows].T)
-            way = np.ascontiguousarray(directions[rows].T)
-            ray, triangle = self._pairs(origin, way)
-            ray, triangle, along, u, v = _intersect(ray, triangle, origin, way, self._corners)
+            direction = np.ascontiguousarray(directions[rows].T)
+            ray, triangle = self._pairs(origin, direction)
+            ray, triangle, along, u, v = _intersect(ray, triangle, origin, direction, self._corners)
             order = np.lexsort((self._face[triangle], along, ray))
             ray, nearest = np.unique(ray[order], return_index=True)
             chosen = order[nearest]
@@ -237,11 +239,13 @@ class _TriangleTree:
             uv[start + ray] = np.stack([u[chosen], v[chosen]], 1)
         return face, distance, uv
 
-    def _pairs(self, origin: Float64Array, way: Float64Array) -> tuple[Int64Array, Int64Array]:
+    def _pairs(
+        self, origin: Float64Array, direction: Float64Array
+    ) -> tuple[Int64Array, Int64Array]:
         """Return the pairs of ray and triangle where the ray, a column of (3, n), hits the box of
         the triangle.
         """
-        inverse = 1 / np.where(np.abs(way) < 1e-30, 1e-30, way)
+        inverse = 1 / np.where(np.abs(direction) < 1e-30, 1e-30, direction)
         ray, node = (np.arange(n) for n in (origin.shape[1], self._levels[-1].shape[1]))
         ray, node = np.repeat(ray, len(node)), np.tile(node, len(ray))
         for depth, boxes in enumerate(reversed(self._levels)):
@@ -269,7 +273,7 @@ def _intersect(
     ray: Int64Array,
     triangle: Int64Array,
     origin: Float64Array,
-    way: Float64Array,
+    direction: Float64Array,
     corners: Float64Array,
 ) -> tuple[Int64Array, Int64Array, Float64Array, Float64Array, Float64Array]:
     """Intersect pairs of rays and triangles (Moeller and Trumbore 1997): pairs that meet,
@@ -278,14 +282,14 @@ def _intersect(
     start, second, third = corners[..., triangle]
     first = second - start
     second = third - start
-    way = way[:, ray]
-    across = np.cross(way, second, axis=0)
+    direction = direction[:, ray]
+    across = np.cross(direction, second, axis=0)
     slope = _dot(first, across)
     offset = origin[:, ray] - start
     turned = np.cross(offset, first, axis=0)
     scale = 1 / np.where(slope == 0, np.inf, slope)
     u = _dot(offset, across) * scale
-    v = _dot(way, turned) * scale
+    v = _dot(direction, turned) * scale
     along = _dot(second, turned) * scale
     met = (slope != 0) & (u >= -_MARGIN) & (v >= -_MARGIN) & (u + v <= 1 + _MARGIN) & (along >= 0)
     return ray[met], triangle[met], along[met], u[met], v[met]

@@ -199,7 +199,7 @@ _Array = NDArray[np.float64]
 _ROUNDS = 3  # a point that leaves one limb may enter another
 
 
-def move_behind_bodies(
+def move_out_of_bodies(
     points: Tensor, bodies: Tensor, faces: Tensor, shown: Tensor, reach: float
 ) -> tuple[Tensor, Tensor]:
     """Move scene points (N, 3) out of bodies, and behind bodies that are visible at their pixels.
@@ -225,7 +225,7 @@ def move_behind_bodies(
     casters = [RayCaster(body, triangles) for body in people]
     for caster, here in zip(casters, visible, strict=True):
         along[here] = np.maximum(
-            along[here], _step_behind_front(caster, start[here], rays[here], reach)
+            along[here], _distance_to_front_face(caster, start[here], rays[here], reach)
         )
     moving = np.arange(len(start))
     origins = np.ascontiguousarray(start.T)
@@ -246,7 +246,9 @@ def move_behind_bodies(
     return torch.where(out[:, None], moved.to(points), points), out
 
 
-def _step_behind_front(caster: RayCaster, points: _Array, rays: _Array, reach: float) -> _Array:
+def _distance_to_front_face(
+    caster: RayCaster, points: _Array, rays: _Array, reach: float
+) -> _Array:
     """Return the distance from each point to the front face behind it on its ray; 0 for others."""
     face = caster.first_faces(np.zeros(3), rays)
     front = (face >= 0) & ((caster.normals[face] * rays).sum(1) < 0)

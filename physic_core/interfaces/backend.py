@@ -33,7 +33,7 @@ class StrictModel(BaseModel):
     def _refuse_bool(cls, value: Any, info: ValidationInfo) -> Any:
         """Refuse true and false where no boolean is declared: pydantic takes them for 1 and 0."""
         kind = cls.model_fields[str(info.field_name)].annotation
-        if _holds_bool(value) and not {bool, Any, object}.intersection(_leaves(kind)):
+        if _holds_bool(value) and not {bool, Any, object}.intersection(_annotation_types(kind)):
             raise ValueError(f"should not be true or false (got {str(value).lower()})")
         return value
 
@@ -44,14 +44,14 @@ def _holds_bool(value: Any) -> bool:
     )
 
 
-def _leaves(kind: Any) -> Iterator[Any]:
+def _annotation_types(kind: Any) -> Iterator[Any]:
     """Yield the types of which an annotation is made, such as float and None of ``tuple[float, ...]
     | None``.
     """
     inner = get_args(kind)
     if inner and get_origin(kind) is not Literal:
         for each in inner:
-            yield from _leaves(each)
+            yield from _annotation_types(each)
     else:
         yield from map(type, inner) if inner else (kind,)
 
@@ -78,7 +78,7 @@ class Request(Generic[Result]):
         """Return the arguments of ``infer``: the fields that are not keyword-only."""
         return tuple(getattr(self, field.name) for field in fields(self) if not field.kw_only)
 
-    def limited_to(self, reads: tuple[str, ...] | None) -> tuple[Any, ...]:
+    def arguments_read(self, reads: tuple[str, ...] | None) -> tuple[Any, ...]:
         """Return the arguments of ``infer`` for a backend that declares what it reads.
 
         Args:
@@ -407,5 +407,5 @@ def call(backend: Backend, request: Request[Any]) -> object:
         InputError: the image of the request is invalid; the backend is not called.
     """
     require_image(request.image)
-    result: object = backend.infer(*request.limited_to(backend.reads))
+    result: object = backend.infer(*request.arguments_read(backend.reads))
     return result

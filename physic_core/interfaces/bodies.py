@@ -22,7 +22,7 @@ from physic_core.interfaces.checks import (
     check_unit_range,
     rows_to_check,
     valid_rows,
-    within,
+    within_limit,
 )
 from physic_core.types import (
     Bodies,
@@ -128,7 +128,7 @@ def valid_body_rows(bodies: Bodies) -> BoolArray:
         arrays.append((bodies.mesh.vertices, METRES))
     valid = valid_rows(arrays, len(parameters))
     if joints is not None:
-        valid &= (within(joints, METRES) | (joints != joints)).all((1, 2))
+        valid &= (within_limit(joints, METRES) | (joints != joints)).all((1, 2))
     return valid
 
 
@@ -161,7 +161,7 @@ def _check_sigma(
 def _check_joints(joints: Any) -> Iterator[str]:
     if joints is None or not len(joints):
         return
-    beyond = ~(within(joints, METRES) | (joints != joints))
+    beyond = ~(within_limit(joints, METRES) | (joints != joints))
     if beyond.any((1, 2)).all():
         yield (
             f"joints must be within +-{METRES:g} m, or NaN where unknown, {int(beyond.sum())} "
@@ -231,9 +231,9 @@ def valid_hand_rows(hands: Hands) -> BoolArray:
     """
     undetected = hands.confidence <= 0
     valid = valid_rows([(hands.confidence, math.inf)], len(hands.confidence))
-    valid &= (within(hands.rotvecs, RADIANS).all((-2, -1)) | undetected).all(1)
+    valid &= (within_limit(hands.rotvecs, RADIANS).all((-2, -1)) | undetected).all(1)
     if hands.wrists is not None:
-        valid &= (within(hands.wrists, RADIANS).all(-1) | undetected).all(1)
+        valid &= (within_limit(hands.wrists, RADIANS).all(-1) | undetected).all(1)
     return valid
 
 

@@ -85,12 +85,12 @@ def check_array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> Ite
     # results.
     if type(value) not in (np.ndarray, np.memmap):
         yield (
-            f"{name} must be a numpy array {_text(shape)}, got "
+            f"{name} must be a numpy array {_shape_text(shape)}, got "
             f"{type(value).__name__}{_array_advice(value)}"
         )
         return
     if tuple(value.shape) != shape:
-        yield f"{name} must be {_text(shape)}, got {_text(tuple(value.shape))}"
+        yield f"{name} must be {_shape_text(shape)}, got {_shape_text(tuple(value.shape))}"
     # Neither torch nor SciPy's filters take the wider floats of some machines.
     is_float = value.dtype.kind == "f" and value.dtype.itemsize <= 8
     fits = {"float": is_float, "int": value.dtype.kind in "iu"}
@@ -137,7 +137,7 @@ def check_limit(name: str, value: Any, limit: float, unit: str = "") -> Iterator
     """Check that all values of an array are finite, and at most ``limit`` in magnitude."""
     yield from check_finite(name, value)
     finite = value[is_finite(value)]
-    if not within(finite, limit).all():
+    if not within_limit(finite, limit).all():
         extreme = max(finite.min(), finite.max(), key=abs)
         advice = {"rad": ": is it in degrees?", "m": ": is it in millimeters?"}.get(unit, "")
         bound = f"+-{limit:.6g}{unit and ' ' + unit}"
@@ -232,7 +232,7 @@ def is_finite(value: Any) -> BoolArray:
     return finite
 
 
-def within(value: Any, limit: float) -> BoolArray:
+def within_limit(value: Any, limit: float) -> BoolArray:
     """Return a bool array: True for values that are finite, and at most ``limit`` in magnitude."""
     import numpy as np
 
@@ -248,7 +248,7 @@ def valid_rows(arrays: Iterable[tuple[Any, float]], rows: int) -> BoolArray:
 
     valid = np.ones(rows, bool)
     for array, limit in arrays:
-        valid &= within(array, limit).all(axis=tuple(range(1, array.ndim)))
+        valid &= within_limit(array, limit).all(axis=tuple(range(1, array.ndim)))
     return valid
 
 
@@ -279,5 +279,5 @@ def _array_advice(value: object) -> str:
     return ": write numpy.asarray(...)" if isinstance(value, np.ndarray) else tensor_advice(value)
 
 
-def _text(shape: tuple[int, ...]) -> str:
+def _shape_text(shape: tuple[int, ...]) -> str:
     return "(" + ", ".join(map(str, shape)) + ")"

@@ -24,7 +24,7 @@ from physic_core.interfaces.checks import (
     length,
     rows_to_check,
     valid_rows,
-    within,
+    within_limit,
 )
 from physic_core.types import (
     CARRIER_NAMES,
@@ -305,11 +305,11 @@ def valid_keypoint_rows(keypoints: Keypoints) -> BoolArray:
     """
     undetected = keypoints.confidence <= 0
     valid = valid_rows([(keypoints.confidence, math.inf)], len(keypoints.points))
-    valid &= (within(keypoints.points, PIXELS).all(-1) | undetected).all(1)
+    valid &= (within_limit(keypoints.points, PIXELS).all(-1) | undetected).all(1)
     if keypoints.world is not None:
-        valid &= (within(keypoints.world, METRES).all(-1) | undetected).all(1)
+        valid &= (within_limit(keypoints.world, METRES).all(-1) | undetected).all(1)
     for _, sigma in _sigmas(keypoints):
-        valid &= (within(sigma, PIXELS) & (sigma > 0) | undetected).all(1)
+        valid &= (within_limit(sigma, PIXELS) & (sigma > 0) | undetected).all(1)
     return valid
 
 

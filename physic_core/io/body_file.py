@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.body.joints import NUM_JOINTS, ROTATION_FIELDS
-from physic_core.discovery.plugins import explain_absence, find_items, import_item
+from physic_core.discovery.plugins import absence_message, find_items, import_item
 from physic_core.errors import InputError, PackageMissingError
 from physic_core.files.atomic import open_regular, unreadable
 from physic_core.files.npz import read_arrays, read_names, write_arrays
@@ -147,15 +147,15 @@ def read_bodies(file: FileOfPhoto, model_file: str | None = None) -> GivenBodies
     """
     name = f"the bodies {file.path}"
     try:
-        own = _own_arrays(file.path)
-        return _bodies_of_tool(file, model_file) if own is None else _own_bodies(own, file)
+        own = _physic_arrays(file.path)
+        return _bodies_of_tool(file, model_file) if own is None else _physic_bodies(own, file)
     except OSError as error:
         raise InputError(f"cannot read {name}: {unreadable(error)}") from error
     except WRONG_FORM as error:
-        raise InputError(f"{name} cannot be used: {why_unusable(error)}") from error
+        raise InputError(f"{name} cannot be used: {unusable_message(error)}") from error
 
 
-def why_unusable(error: Exception) -> str:
+def unusable_message(error: Exception) -> str:
     """Return in words what an error of :data:`WRONG_FORM` says of a file."""
     if isinstance(error, KeyError):
         return f"it lacks {error}"
@@ -203,7 +203,7 @@ def read_by_plugin(hook: str, what: str, file: FileOfPhoto) -> Any:
     readers = find_items(hook)
     if not readers:
         raise PackageMissingError(
-            f"{what} of other programs are read by {explain_absence(_DISTRIBUTION)}"
+            f"{what} of other programs are read by {absence_message(_DISTRIBUTION)}"
         )
     for found in readers:
         record = import_item(found, f"reader of {what}")(file)
@@ -212,7 +212,7 @@ def read_by_plugin(hook: str, what: str, file: FileOfPhoto) -> Any:
     raise ValueError(f"its form is not known; docs/bodies.md lists the {what} that are read")
 
 
-def _own_arrays(path: Path) -> Mapping[str, Any] | None:
+def _physic_arrays(path: Path) -> Mapping[str, Any] | None:
     """Return the arrays of this project's npz; None for another file."""
     if path.is_dir():
         return None
@@ -227,7 +227,7 @@ def _own_arrays(path: Path) -> Mapping[str, Any] | None:
         return read_arrays(stream) if _FORMAT in names else None
 
 
-def _own_bodies(arrays: Mapping[str, Any], file: FileOfPhoto) -> GivenBodies:
+def _physic_bodies(arrays: Mapping[str, Any], file: FileOfPhoto) -> GivenBodies:
     if int(arrays[_FORMAT]) != _VERSION:
         raise ValueError(f"its format version is {arrays[_FORMAT]}; PhySIC reads {_VERSION}")
     if missing := [name for name in ("camera", "size", *_PARAMETERS) if name not in arrays]:
@@ -333,15 +333,15 @@ def _posed(record: BodiesInFile, model_file: str | None) -> Bodies:
     if record.rotations is not None:
         file = _required(model_file, "parameters", record.model)
         pose = _posed_smplx if record.model == "smplx" else _posed_smpl
-        joints, vertices, rest, parameters = pose(record, _turns(record), file)
+        joints, vertices, rest, parameters = pose(record, _rotation_vectors(record), file)
     elif vertices is not None and (model_file is not None or joints is None):
         rest = _rest_mesh(record.model, _required(model_file, "vertices", record.model))
     count = next(len(v) for v in (joints, vertices) if v is not None)
     shift = np.zeros((count, 3)) if record.transl is None else record.transl
     return Bodies(
-        replace(parameters or _at_rest(count), transl=_single(shift)),
+        replace(parameters or _zero_parameters(count), transl=_as_float32(shift)),
         record.model,
-        joints=None if joints is None else _single(joints + shift[:, None]),
+        joints=None if joints is None else _as_float32(joints + shift[:, None]),
         mesh=None if rest is None or vertices is None else _mesh(vertices + shift[:, None], rest),
     )
 
@@ -352,10 +352,10 @@ def _mesh(vertices: FloatArray, rest: RestMesh) -> Mesh:
             f"its meshes have {vertices.shape[1]} vertices, and the model's file "
             f"{len(rest.vertices)}: set photo.bodies_model to the file of their model"
         )
-    return Mesh(rest.topology, _single(vertices), rest.faces, _single(rest.vertices))
+    return Mesh(rest.topology, _as_float32(vertices), rest.faces, _as_float32(rest.vertices))
 
 
-def _turns(record: BodiesInFile) -> Float64Array:
+def _rotation_vectors(record: BodiesInFile) -> Float64Array:
     """Return the rotation vectors (N, 55, 3) of a record; joints that lack are at rest."""
     given = np.asarray(record.rotations, np.float64)
     flat = with_columns_of_zeros(given.reshape(len(given), -1), 3 * NUM_JOINTS)
@@ -450,7 +450,7 @@ def with_columns_of_zeros(values: NDArray[_Float], width: int) -> NDArray[_Float
     return full
 
 
-def _at_rest(count: int) -> BodyParameters:
+def _zero_parameters(count: int) -> BodyParameters:
     """Return N bodies of zeros, of a model that others than this program pose."""
     widths = {name: 3 * n for name, n in ROTATION_FIELDS} | {"betas": 0, "expression": 0}
     return BodyParameters(
@@ -458,5 +458,5 @@ def _at_rest(count: int) -> BodyParameters:
     )
 
 
-def _single(values: Any) -> FloatArray:
+def _as_float32(values: Any) -> FloatArray:
     return np.asarray(values, np.float32)

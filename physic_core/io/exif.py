@@ -113,7 +113,7 @@ def intrinsics_from_exif(
     else:
         return None, ()
     other = plane if equivalent else None
-    reason = _crop(tags, stored, thumbnail) or _doubt(
+    reason = _crop_note(tags, stored, thumbnail) or _focal_doubt(
         tags, stored, focal, other, resized=equivalent is not None and thumbnail is not None
     )
     if reason:
@@ -149,7 +149,7 @@ def _size(tags: Mapping[int, Any], pair: tuple[int, int]) -> list[float]:
     return sorted(positive_number(tags.get(tag)) or 0.0 for tag in pair)
 
 
-def _crop(tags: Mapping[int, Any], stored: tuple[int, int], thumbnail: float | None) -> str:
+def _crop_note(tags: Mapping[int, Any], stored: tuple[int, int], thumbnail: float | None) -> str:
     """Return why a file is not the whole photo of a camera, or ""; software may turn the pixels,
     but not the tags.
     """
@@ -189,7 +189,7 @@ def _plane_focal(tags: Mapping[int, Any], zoom: float) -> tuple[float, float] | 
     return zoom * focal_mm * plane_x / unit_mm, zoom * focal_mm * plane_y / unit_mm
 
 
-def _doubt(
+def _focal_doubt(
     tags: Mapping[int, Any],
     stored: tuple[int, int],
     focal: tuple[float, float],

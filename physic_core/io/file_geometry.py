@@ -131,10 +131,10 @@ def stretched_pixels(
         )
         has_unit = name != "aspect" and (name != "jfif_density" or info.get("jfif_unit"))
         return text if has_unit else f"{text}, or {sides[1]} if a video program wrote it"
-    return "" if _OF_CAMERAS & tags.keys() else _of_recorder(*stored)
+    return "" if _OF_CAMERAS & tags.keys() else _video_pixel_note(*stored)
 
 
-def _of_recorder(width: int, height: int) -> str:
+def _video_pixel_note(width: int, height: int) -> str:
     """Return why a picture of this size, px, may be a frame of video whose pixels are not square;
     "" for other sizes.
     """

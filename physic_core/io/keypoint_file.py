@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.discovery.plugins import explain_absence, find_items, import_item
+from physic_core.discovery.plugins import absence_message, find_items, import_item
 from physic_core.errors import InputError, PackageMissingError
 from physic_core.files.atomic import read_text, unreadable
 from physic_core.files.text import parse_json, read_csv
@@ -114,7 +114,7 @@ def _table_of(document: Any, photo: str) -> KeypointTable:
     """
     readers = find_items("physic_keypoint_readers")
     if not readers:
-        raise PackageMissingError(f"keypoints in JSON are read by {explain_absence(_DISTRIBUTION)}")
+        raise PackageMissingError(f"keypoints in JSON are read by {absence_message(_DISTRIBUTION)}")
     for reader in readers:
         table: KeypointTable | None = import_item(reader, "reader of keypoints")(document, photo)
         if table is not None:

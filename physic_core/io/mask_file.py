@@ -13,7 +13,7 @@ from physic_core.io.body_file import (
     WRONG_FORM,
     read_by_plugin,
     scale_of_picture,
-    why_unusable,
+    unusable_message,
 )
 
 if TYPE_CHECKING:
@@ -35,13 +35,15 @@ def read_masks(file: FileOfPhoto) -> MasksInFile:
         found: MasksInFile = read_by_plugin("physic_mask_readers", "masks", file)
         if not found.masks.any():
             raise ValueError("it has no mask with a pixel: was a mask of 0 and 1 read as 0 to 255?")
-        masks = _of_size(found.masks[found.masks.any((1, 2))], file.size)
+        masks = _resized_masks(found.masks[found.masks.any((1, 2))], file.size)
         if found.are_people and masks.sum() > masks[0].size:
             raise ValueError("its masks overlap in much of the picture: are they inverted?")
     except OSError as error:
         raise InputError(f"cannot read the masks {file.path}: {unreadable(error)}") from error
     except WRONG_FORM as error:
-        raise InputError(f"the masks {file.path} cannot be used: {why_unusable(error)}") from error
+        raise InputError(
+            f"the masks {file.path} cannot be used: {unusable_message(error)}"
+        ) from error
     if found.are_people:
         taken = np.zeros(masks.shape[1:], bool)
         for mask in masks:
@@ -53,7 +55,7 @@ def read_masks(file: FileOfPhoto) -> MasksInFile:
     return replace(found, masks=masks, notes=(*found.notes, *notes))
 
 
-def _of_size(masks: BoolArray, size: tuple[int, int]) -> BoolArray:
+def _resized_masks(masks: BoolArray, size: tuple[int, int]) -> BoolArray:
     """Return a copy of masks (N, H, W) resized to the photo's width and height."""
     height, width = masks.shape[1:]
     if (width, height) == size:

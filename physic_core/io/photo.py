@@ -19,7 +19,7 @@ from physic_core.files.image_file import (
     open_image,
     wrap_decoding_errors,
 )
-from physic_core.io.colour import code_points, srgb_conversion
+from physic_core.io.color_profile import code_points, srgb_conversion
 from physic_core.io.exif import (
     EXIF_IFD,
     INTEROPERABILITY_IFD,
@@ -271,7 +271,7 @@ def _read(image: Image.Image, source: ImageSource, colours: tuple[int, int] | No
     stored = image.size
     notes = list(_frame_notes(image))
     xmp = _xmp(image)
-    deep = _is_deep(image)  # before decoding, which discards the mode of the file
+    deep = _has_16_bits(image)  # before decoding, which discards the mode of the file
     factor = math.ceil(math.sqrt(stored[0] * stored[1] / _KEEP_PIXELS))
     if factor > 1:
         image.draft(image.mode, (stored[0] // factor, stored[1] // factor))
@@ -334,7 +334,7 @@ def _xmp(image: Image.Image) -> str:
     return xmp.decode("latin-1") if isinstance(xmp, bytes) else str(xmp)
 
 
-def _is_deep(image: Image.Image) -> bool:
+def _has_16_bits(image: Image.Image) -> bool:
     """Return whether the file has 16 bits per channel, which Pillow keeps only for grey images."""
     if image.mode.startswith("I"):
         return True
@@ -381,7 +381,7 @@ def _to_rgb(
         if band.mode.startswith("I"):
             band = _grey_from_deep(band, source)
         if band.has_transparency_data or band.mode in ("La", "RGBa"):
-            band, is_transparent = _over_grey(band)
+            band, is_transparent = _composite_on_gray(band)
             transparent |= is_transparent
         if band.mode not in ("RGB", convertible):
             band = band.convert("RGB")
@@ -406,7 +406,7 @@ def _to_rgb(
     return rgb, [note for note, is_true in notes.items() if is_true]
 
 
-def _over_grey(image: Image.Image) -> tuple[Image.Image, bool]:
+def _composite_on_gray(image: Image.Image) -> tuple[Image.Image, bool]:
     """Return a picture with transparency over mid-gray, and whether any pixel is transparent."""
     image = image.convert("RGBA")
     if np.asarray(image.getchannel("A")).min() == 255:

@@ -2,7 +2,7 @@
 
 ``reconstruction.json`` has all values, and the names and SHA-256 of the other files;
 :func:`read_record` reads nothing else. ``reconstruction.npz`` has the arrays, by the names of
-:mod:`physic_core.files.plain`. docs/file-format.md describes both.
+:mod:`physic_core.files.serialization`. docs/file-format.md describes both.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.discovery.error_text import left_out, make_each
+from physic_core.discovery.error_text import left_out_warning, make_optional_parts
 from physic_core.errors import ConfigError, InputError, PackageMissingError
 from physic_core.files.atomic import open_regular, read_regular, unreadable
 from physic_core.files.names import UntrustedName, paths_inside
 from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_names, write_arrays
-from physic_core.files.plain import Arrays, join, split
+from physic_core.files.serialization import Arrays, join, split
 from physic_core.files.text import parse_json, to_json
-from physic_core.geometry.upright import world_from_camera
+from physic_core.geometry.world_frame import world_from_camera
 from physic_core.interfaces.checks import check_camera
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
@@ -127,7 +127,9 @@ def save_reconstruction(
     if page is not None:
         pictures.append(REPORT_FILE)
     prepare_result_folder(folder, photos, overwrite=overwrite)
-    made, warnings = make_each({_ROWS: partial(person_rows, reconstruction), **(beside or {})})
+    made, warnings = make_optional_parts(
+        {_ROWS: partial(person_rows, reconstruction), **(beside or {})}
+    )
     reconstruction = reconstruction.with_warnings(*warnings)
     rows = made.pop(_ROWS, [])
     arrays: Arrays = {}
@@ -138,7 +140,7 @@ def save_reconstruction(
     contents, failure = _contents(reconstruction, arrays, pictures, page or "")
     if isinstance(failure, Exception) and not isinstance(failure, PackageMissingError):
         return save_reconstruction(
-            reconstruction.with_warnings(left_out("the pictures", failure)),
+            reconstruction.with_warnings(left_out_warning("the pictures", failure)),
             folder,
             "people" if save == "people" else "numbers",
             overwrite=overwrite,
@@ -354,7 +356,9 @@ def _compact(arrays: Arrays, camera: Intrinsics) -> Arrays:
     states.
     """
     small = {
-        name: _on_grid(array) if name.endswith((".vertices", ".joints", ".floor_points")) else array
+        name: _rounded_to_grid(array)
+        if name.endswith((".vertices", ".joints", ".floor_points"))
+        else array
         for name, array in arrays.items()
     }
     if "scene.points" in small:
@@ -384,7 +388,7 @@ def _expanded(arrays: Arrays, camera: Intrinsics) -> Arrays:
     return expanded
 
 
-def _on_grid(metres: AnyArray) -> Float32Array:
+def _rounded_to_grid(metres: AnyArray) -> Float32Array:
     return (np.round(metres.astype(np.float64) * _STEPS_PER_METRE) / _STEPS_PER_METRE).astype(
         np.float32
     )

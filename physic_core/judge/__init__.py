@@ -18,7 +18,7 @@ from physic_core.judge.spec import (
     unknown_checks,
     warning_messages,
 )
-from physic_core.judge.trust import capped, no_trust, person_trust
+from physic_core.judge.trust import capped_by_contradictions, no_trust, person_trust
 
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CHECKS",
     "CheckSpec",
-    "capped",
+    "capped_by_contradictions",
     "failed_checks",
     "limb_keypoint_error",
     "no_trust",

@@ -162,12 +162,12 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     Meters. The gap does not count for people in the air, and where the support is assumed or
     touched without a surface of the scene. A sole below the floor counts for everybody.
     """
-    who = result.people[person]
-    measures = who.measures
+    subject = result.people[person]
+    measures = subject.measures
     height = None if result.scene.floor is None else measures.sole_height_m
     reasons = []
-    in_air = who.support is not None and who.support.state is SupportState.AIRBORNE
-    lacks_surface = any(one.likely and one.distance_m is not None for one in who.contacts)
+    in_air = subject.support is not None and subject.support.state is SupportState.AIRBORNE
+    lacks_surface = any(one.likely and one.distance_m is not None for one in subject.contacts)
     unasked = in_air or lacks_surface or measures.assumed_support
     if measures.clearance_m is not None and not unasked:
         gap = measures.clearance_m
@@ -181,7 +181,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     if result.scene.floor is not None and lies(result, person):
         from physic_core.engine.limbs import LOWEST_SHARE
 
-        above = who.vertices @ result.scene.floor.normal
+        above = subject.vertices @ result.scene.floor.normal
         low = float(np.quantile(above, LOWEST_SHARE)) + result.scene.floor.offset
         if low < -_SUPPORT_M:
             reasons.append(
@@ -218,17 +218,17 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
 
     It is 0 if none carries a person who lies.
     """
-    who = result.people[person]
-    if not (likely := who.world_contact):
+    subject = result.people[person]
+    if not (likely := subject.world_contact):
         return None
     if lies(result, person):
-        return _sure_carriers(who)
+        return _sure_carriers(subject)
     value = math.prod(max(likely[part], 1 - likely[part]) for part in ENDS)
-    seated = who.posture in _SEATED and (who.posture_probability or 0.0) >= 0.5
+    seated = subject.posture in _SEATED and (subject.posture_probability or 0.0) >= 0.5
     if seated and likely["seat"] < 0.5:
-        sure = who.posture_probability or 0.0
+        sure = subject.posture_probability or 0.0
         return value, (
-            f"this person probably {who.posture}s (probability {sure:.2f}), but no seat was "
+            f"this person probably {subject.posture}s (probability {sure:.2f}), but no seat was "
             f"detected under the body: see {SIDE_VIEW}, and do not use the contacts of the buttocks"
         )
     least = min(ENDS, key=lambda part: abs(likely[part] - 0.5))
@@ -252,13 +252,13 @@ def lies(result: Reconstruction, person: int) -> bool:
     return bool(abs(tilt - 90) < LYING_DEG)
 
 
-def _sure_carriers(who: Person) -> Measured:
+def _sure_carriers(subject: Person) -> Measured:
     """Return the probability of the least sure part that carries a person, 0 if none does; of parts
     that the observer speaks of, if any is among them.
     """
     likely = {}
-    if who.support is not None and who.support.state != SupportState.UNBALANCED:
-        surest_last = sorted((one.probability or 0.0, one.part) for one in who.support.contacts)
+    if subject.support is not None and subject.support.state != SupportState.UNBALANCED:
+        surest_last = sorted((one.probability or 0.0, one.part) for one in subject.support.contacts)
         likely = {part: probability for probability, part in surest_last if probability}
         likely = {part: p for part, p in likely.items() if part in OBSERVED} or likely
     if not likely:
@@ -329,12 +329,12 @@ def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) 
     """Return the number of visible parts in contact that have no surface within 10 cm; only of
     people who do not lie.
     """
-    who = result.people[person]
-    if not who.world_contact:
+    subject = result.people[person]
+    if not subject.world_contact:
         return None
     if lies(result, person):
         return None, "this person lies, and hides the surface below"
-    far = [one.part for one in who.contacts if one.likely and one.distance_m is not None]
+    far = [one.part for one in subject.contacts if one.likely and one.distance_m is not None]
     parts = dict.fromkeys(far)
     return float(len(parts)), (
         f"the photo shows contact of {in_words([*map(part_words, parts)])}, but no surface is "
@@ -405,8 +405,8 @@ def stature(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     """
     from physic_core.engine.sizes.stature import stature_surprise, stature_surprise_at_age
 
-    who = result.people[person]
-    if who.stature is None:
+    subject = result.people[person]
+    if subject.stature is None:
         return None
     height, years = (own[person] for own in estimates.photo.known.filled(len(result.people)))
     if math.isfinite(height) and math.isfinite(years):
@@ -416,10 +416,10 @@ def stature(estimates: Estimates, result: Reconstruction, person: int) -> Measur
         )
     if _is_known(estimates, result, person):
         return None
-    child = math.nan if who.child_probability is None else who.child_probability
-    off = stature_surprise(who.stature, child, stands=who.posture in _UPRIGHT)
+    child = math.nan if subject.child_probability is None else subject.child_probability
+    off = stature_surprise(subject.stature, child, stands=subject.posture in _UPRIGHT)
     return off, (
-        f"this person is {who.stature:.2f} m tall in the result, but probably "
+        f"this person is {subject.stature:.2f} m tall in the result, but probably "
         f"{'a child' if child >= LEAST_PROBABILITY else 'an adult'}: check units and sizes that "
         "you gave. If you gave none, do not use this size, or give --stature METERS"
     )
@@ -440,10 +440,12 @@ def child_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     from physic_core.engine.sizes.evidence import MEASURED_SIGMA
     from physic_core.engine.sizes.stature import log_stature_of_children
 
-    who = result.people[person]
+    subject = result.people[person]
     sigma = result.scene.scale_sigma
     is_measured = sigma is not None and sigma <= MEASURED_SIGMA
-    is_child = (who.child_probability or 0.0) >= LEAST_PROBABILITY and who.posture not in _UPRIGHT
+    is_child = (
+        subject.child_probability or 0.0
+    ) >= LEAST_PROBABILITY and subject.posture not in _UPRIGHT
     if not is_child or is_measured or _is_known(estimates, result, person):
         return None
     return log_stature_of_children()[1], (

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.geometry.readings import LIKELY, STRANGER, compare_depth
+from physic_core.geometry.depth_comparison import LIKELY, STRANGER, compare_depth
 from physic_core.judge.spec import SIDE_VIEW, YES, check
 from physic_core.types.contacts import has_sole_on_floor
 from physic_core.types.observations import LEAST_PROBABILITY
@@ -79,7 +79,7 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
     if reason == "switched_off":
         return None, "the engine settings disable the floor search"
     if reason != "found":
-        cure = (
+        advice = (
             "Contacts of feet come from the look of the photo alone"
             if any(has_sole_on_floor(person.contacts) for person in result.people)
             else "Use a photo that shows the ground at the feet"
@@ -87,7 +87,7 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
         return 0.0, (
             f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}. So no one is placed on the ground, "
             "heights over it are unknown, and depth may be off by a constant: do not use heights "
-            f"and gaps. {cure}; --stature METERS makes at least sizes right"
+            f"and gaps. {advice}; --stature METERS makes at least sizes right"
         )
     plane = result.scene.floor
     pitch = 0.0 if plane is None else math.degrees(math.asin(float(plane.normal[2])))
@@ -130,7 +130,7 @@ def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
     (visible,) = exact_arrays(plane.inliers & ~estimates.photo.hole)
     if not visible.any():
         return None
-    textured = float((_texture(estimates.image)[visible] > 1).mean())
+    textured = float((_texture_strength(estimates.image)[visible] > 1).mean())
     mask = estimates.photo.people.floor
     if mask is None or not estimates.ground.search.in_mask:
         return textured
@@ -358,7 +358,7 @@ def relative_difference(ratio: float) -> float:
     return math.exp(abs(math.log(ratio))) - 1
 
 
-def _texture(image: UInt8Array) -> FloatArray:
+def _texture_strength(image: UInt8Array) -> FloatArray:
     """Return the standard deviation (H, W) of brightness around each pixel, within 1 % of the
     longer side.
     """

@@ -66,7 +66,7 @@ def check_placed_people(estimates: Estimates, before: State, placed: State) -> l
             f"the photo contradicts {sizes}: in a scene of that size it shows "
             f"{', '.join(impossible)}; with people of usual stature it shows "
             f"{_scene_sizes(known, 1 / float(ratio[surely].median()))}. Correct the size, or leave "
-            f"it out{_unit_question(estimates)}"
+            f"it out{_unit_hint(estimates)}"
         )
     return [
         f"in a scene of the given size the photo shows {person}: check the size, and in the "
@@ -75,7 +75,7 @@ def check_placed_people(estimates: Estimates, before: State, placed: State) -> l
     ]
 
 
-def _unit_question(estimates: Estimates) -> str:
+def _unit_hint(estimates: Estimates) -> str:
     """Return a question about the unit of a measured depth, or ""."""
     if estimates.ground.measured is None:
         return ""

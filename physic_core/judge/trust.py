@@ -79,7 +79,9 @@ def trust_models() -> Mapping[str, TrustModel]:
     return models
 
 
-def load_of(value: float | None, threshold: float, direction: str, unit: str) -> float | None:
+def relative_excess(
+    value: float | None, threshold: float, direction: str, unit: str
+) -> float | None:
     """Return the load of a check: 1 at the limit, more beyond it, and 0 at best; None without a
     value.
 
@@ -107,7 +109,7 @@ def log_odds(values: Mapping[str, float | None], model: TrustModel) -> dict[str,
     shares = {}
     for name, term in model["terms"].items():
         spec = CHECKS[name]
-        load = load_of(values.get(name), spec.threshold, spec.direction, spec.unit)
+        load = relative_excess(values.get(name), spec.threshold, spec.direction, spec.unit)
         shares[name] = 0.0 if load is None else term["slope"] * (load - term["usual"])
     return shares
 
@@ -125,7 +127,9 @@ def probabilities_of(
     probabilities: dict[str, float] = {}
     for mark in (*MARKS, ALL):
         odds = models[mark]["constant"] + sum(log_odds(values, models[mark]).values())
-        probabilities[mark] = capped(1 / (1 + math.exp(-odds)), len(contradictions(values, mark)))
+        probabilities[mark] = capped_by_contradictions(
+            1 / (1 + math.exp(-odds)), len(contradictions(values, mark))
+        )
     return probabilities | {ALL: min(probabilities.values())}
 
 
@@ -181,7 +185,7 @@ def no_trust(checks: Sequence[CheckResult], person: int) -> Trust:
     return replace(person_trust(checks, person), probability=0.0, marks=dict.fromkeys(MARKS, 0.0))
 
 
-def capped(probability: float, contradictions: int) -> float:
+def capped_by_contradictions(probability: float, contradictions: int) -> float:
     """Return a probability, at most that which a number of contradictions leaves."""
     return min(probability, CAP**contradictions) if contradictions else probability
 

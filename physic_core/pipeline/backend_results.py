@@ -58,14 +58,14 @@ def is_real_person(people: People, prompt: PeoplePrompt | None = None) -> BoolAr
     names = [name.removesuffix("_surface") for name in keypoints.joint_set.names]
     columns = [j for j, name in enumerate(names) if name.split("_")[-1] in _JOINTS]
     share, small = _joints_on_masks(keypoints.points[:, columns], people.masks)
-    own = np.diag(share)
-    few = own < _FEW_OWN_JOINTS
+    own_share = np.diag(share)
+    few = own_share < _FEW_OWN_JOINTS
     similar = keypoint_similarity(keypoints.points, keypoints.confidence, names) > SAME_PERSON
     rank = np.lexsort((-people.scores, few | small)).argsort()
     double = (similar & (rank[:, None] > rank)).any(1)
     none = np.eye(count, dtype=bool) | few | small | double
     others = np.where(none, 0.0, share).max(1)
-    false: BoolArray = double | (few & (others > _MOST_JOINTS)) | (small & (others > own))
+    false: BoolArray = double | (few & (others > _MOST_JOINTS)) | (small & (others > own_share))
     return ~false
 
 
@@ -100,15 +100,15 @@ def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
 
         return replace(bodies, parameters=attach_hands(bodies.parameters, hands, model))
     p = bodies.parameters
-    found = hands.confidence > 0
+    has_hand = hands.confidence > 0
     flat = hands.rotvecs.reshape(len(p), 2, 45).astype(p.left_hand_pose.dtype)
-    left = np.where(found[:, :1], flat[:, 0], p.left_hand_pose)
-    right = np.where(found[:, 1:], flat[:, 1], p.right_hand_pose)
+    left = np.where(has_hand[:, :1], flat[:, 0], p.left_hand_pose)
+    right = np.where(has_hand[:, 1:], flat[:, 1], p.right_hand_pose)
     return replace(bodies, parameters=replace(p, left_hand_pose=left, right_hand_pose=right))
 
 
 def convert_to_configured(
-    bodies: Bodies, model: BodyModel, who: str, stages: StageCaller
+    bodies: Bodies, model: BodyModel, title: str, stages: StageCaller
 ) -> Bodies:
     """Convert bodies to the configured body model, and add a note with the conversion error.
 
@@ -125,17 +125,17 @@ def convert_to_configured(
             else f"path = the file of a '{bodies.body_model}'"
         )
         raise ConfigError(
-            f"{who} gives bodies for the body model '{bodies.body_model}', "
+            f"{title} gives bodies for the body model '{bodies.body_model}', "
             f"but the configuration loads '{model.name}': set [body_model] {cure}, "
             f"or choose a body_estimator that gives '{model.name}'"
         )
     try:
         found = convert_bodies(bodies, model)
     except BodyModelError as error:
-        raise BodyModelError(f"{who}: {error}") from error
+        raise BodyModelError(f"{title}: {error}") from error
     if not valid_body_rows(found.bodies).any():
         raise BodyModelError(
-            f"{who} gives bodies for the body model '{bodies.body_model}' with too few joints to "
+            f"{title} gives bodies for the body model '{bodies.body_model}' with too few joints to "
             f"convert them to "
             f"'{model.name}': both hips, and both shoulders or the neck, are needed for at least "
             f"one person"
@@ -145,7 +145,7 @@ def convert_to_configured(
 
 
 def transfer_contact(
-    contact: ContactProbability, model: BodyModel, who: str, stages: StageCaller
+    contact: ContactProbability, model: BodyModel, title: str, stages: StageCaller
 ) -> ContactProbability | None:
     """Transfer contact probabilities to the mesh of the configured body model; None and a warning
     on failure.
@@ -155,7 +155,7 @@ def transfer_contact(
     try:
         carried = convert_contact(contact, model)
     except BodyModelError as error:
-        stages.warn(f"{who}: {error}; contact is computed from distances only")
+        stages.warn(f"{title}: {error}; contact is computed from distances only")
         return None
     stages.note(f"contact transferred from the mesh '{contact.topology}' to '{model.topology}'")
     return carried
@@ -188,10 +188,13 @@ def discard_invalid_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
         return bodies, invalid
     names = [field.name for field in fields(BodyParameters)]
     blank = replace(
-        bodies, parameters=_fill_rows(bodies.parameters, invalid, **dict.fromkeys(names, np.nan))
+        bodies,
+        parameters=_with_neutral_rows(bodies.parameters, invalid, **dict.fromkeys(names, np.nan)),
     )
-    mesh = None if bodies.mesh is None else _fill_rows(bodies.mesh, invalid, vertices=np.nan)
-    return _fill_rows(replace(blank, mesh=mesh), invalid, joints=np.nan), invalid
+    mesh = (
+        None if bodies.mesh is None else _with_neutral_rows(bodies.mesh, invalid, vertices=np.nan)
+    )
+    return _with_neutral_rows(replace(blank, mesh=mesh), invalid, joints=np.nan), invalid
 
 
 def discard_invalid_hands(hands: Hands) -> tuple[Hands, BoolArray]:
@@ -199,31 +202,31 @@ def discard_invalid_hands(hands: Hands) -> tuple[Hands, BoolArray]:
     hands.
     """
     invalid = ~valid_hand_rows(hands)
-    return _fill_rows(hands, invalid, rotvecs=0.0, confidence=0.0, wrists=0.0), invalid
+    return _with_neutral_rows(hands, invalid, rotvecs=0.0, confidence=0.0, wrists=0.0), invalid
 
 
 def expand_contact(
-    contact: ContactProbability, called: BoolArray
+    contact: ContactProbability, has_contact: BoolArray
 ) -> tuple[ContactProbability, BoolArray]:
     """Expand contact of some people to all N people, with 0 for the others and for invalid rows.
 
     Args:
-        contact: of the people selected by ``called``.
-        called: (N,) bool.
+        contact: of the people selected by ``has_contact``.
+        has_contact: (N,) bool.
 
     Returns:
         Contact of N people, and (N,) bool, people with invalid rows.
     """
     probability = contact.probability
     valid = valid_contact_rows(contact)
-    invalid = np.zeros(len(called), bool)
-    invalid[called] = ~valid
-    expanded = np.zeros((len(called), probability.shape[1]), probability.dtype)
-    expanded[called & ~invalid] = probability[valid]
+    invalid = np.zeros(len(has_contact), bool)
+    invalid[has_contact] = ~valid
+    expanded = np.zeros((len(has_contact), probability.shape[1]), probability.dtype)
+    expanded[has_contact & ~invalid] = probability[valid]
     return replace(contact, probability=expanded), invalid
 
 
-def _fill_rows(result: Any, invalid: BoolArray, **blanks: float) -> Any:
+def _with_neutral_rows(result: Any, invalid: BoolArray, **blanks: float) -> Any:
     """Return a copy of a result with the rows of some people set to one number per field."""
     changed = {}
     for name, blank in blanks.items():

@@ -22,11 +22,11 @@ from physic_core.pipeline.find_people import (
 )
 from physic_core.pipeline.find_scene import (
     depth_at_scale,
-    depth_of_own_scale,
     find_floors,
     find_scale,
     inpaint_people,
     map_photo,
+    metric_backend_depth,
     photo_content,
 )
 from physic_core.types.arrays import select_people
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from physic_core.engine.ground.floor_and_scale import Ground
-    from physic_core.engine.photo import PhotoContent
+    from physic_core.engine.photo_content import PhotoContent
     from physic_core.engine.state import Estimates
     from physic_core.pipeline.find_scene import Floors, Maps
     from physic_core.pipeline.photo_run import PhotoRun
@@ -69,12 +69,12 @@ def run_backends(run: PhotoRun) -> Estimates:
     bodies, no_body = estimate_bodies(run, photo, floors.hints)
     bodies, no_hands = add_hands(run, photo, bodies)
     bodies = resize_bodies(run, photo, bodies)
-    bodies, no_body, given = use_given_bodies(run, photo, segmented.body, bodies, no_body)
-    embodied = ~no_body
-    people = select_people(photo, embodied)
-    posed = select_people(bodies, embodied)
+    bodies, no_body, matched_bodies = use_given_bodies(run, photo, segmented.body, bodies, no_body)
+    has_body = ~no_body
+    people = select_people(photo, has_body)
+    posed = select_people(bodies, has_body)
     hints = hints_with_bodies(run, people, posed, floors.hints)
-    contact, no_contact = estimate_contact(run, hints, embodied)
+    contact, no_contact = estimate_contact(run, hints, has_body)
     ground, depth = _ground_and_depth(run, people, posed, floors, maps, hints)
     missing = {
         "segmenter": segmented.missing,
@@ -88,7 +88,7 @@ def run_backends(run: PhotoRun) -> Estimates:
         camera_by_user_or_file=run.given.photo.intrinsics is not None,
         photo=photo,
         inpainted=inpainting.image,
-        ground=ground.expanded(embodied),
+        ground=ground.expanded(has_body),
         bodies=bodies,
         contact=contact,
         depth=depth,
@@ -98,7 +98,7 @@ def run_backends(run: PhotoRun) -> Estimates:
         is_given_keypoint=joints.is_changed,
         contradicted_px=joints.contradicted_px,
         file_px_per_px=joints.file_px_per_px,
-        given_bodies=given,
+        given_bodies=matched_bodies,
         reading=maps.reading,
     )
 
@@ -107,7 +107,7 @@ def _ground_and_depth(
     run: PhotoRun, photo: PhotoContent, bodies: Bodies, floors: Floors, maps: Maps, hints: Hints
 ) -> tuple[Ground, DepthMap]:
     """Return floor and scale by the people with a body, and the depth at that scale."""
-    own = depth_of_own_scale(run, maps, hints)
+    own = metric_backend_depth(run, maps, hints)
     with run.stages.time_engine("floor and scale"):
         ground = find_scale(run, photo, bodies, floors, own)
     depth = depth_at_scale(run, ground, own, maps, hints)
@@ -124,12 +124,14 @@ def _missing_results(
     )
 
 
-def _without_replaced_statements(ground: Ground, own: DepthMap | None, depth: DepthMap) -> Ground:
+def _without_replaced_statements(
+    ground: Ground, photo_depth: DepthMap | None, depth: DepthMap
+) -> Ground:
     """Return the ground without the statements that a metric depth of its own scale replaces."""
-    if own is not None:  # the metres of a depth that did not vote stay
+    if photo_depth is not None:  # the metres of a depth that did not vote stay
         ground = replace(
             ground, is_scaled_by_people=ground.is_scaled_by_people and ground.depth is not None
         )
-    if depth.scale_sigma is not None or own is not None:
+    if depth.scale_sigma is not None or photo_depth is not None:
         ground = replace(ground, guess_warning="")
     return ground

@@ -55,7 +55,7 @@ from physic_core.types.skeletons import SURE_CONFIDENCE
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.engine.photo import PhotoContent
+    from physic_core.engine.photo_content import PhotoContent
     from physic_core.engine.state import MatchedBodies
     from physic_core.pipeline.photo_run import PhotoRun
     from physic_core.types import BoolArray, FloatArray, Hints, IntArray, Intrinsics, PeoplePrompt
@@ -121,54 +121,56 @@ def find_people(run: PhotoRun) -> FoundPeople:
     if prompt is not None and prompt.ignored:
         ignored = prompt
         prompt = None
-    found = _segment_with_masks(run, prompt, required=run.plan.photo.require_people)
+    segmented = _segment_with_masks(run, prompt, required=run.plan.photo.require_people)
     if run.given.masks is not None:
-        _check_masks(found.people.masks, run.given.masks)
-        people, count = with_given_masks(found.people, run.given.masks)
+        _check_masks(segmented.people.masks, run.given.masks)
+        people, count = with_given_masks(segmented.people, run.given.masks)
         run.stages.note(f"given masks of {count} of {len(people)} people")
-        found = replace(found, people=people)
+        segmented = replace(segmented, people=people)
     if ignored is not None:
-        found = _without(found, ignored)
-    real = is_real_person(found.people, prompt)
-    every = found.people
+        segmented = _without_ignored(segmented, ignored)
+    real = is_real_person(segmented.people, prompt)
+    every = segmented.people
     same = f"{FOUND_TWICE}: if these are two people, give --person x,y for each"
-    found = _select(found, real, same)
-    if run.plan.photo.require_people and not len(found.people):
+    segmented = _keep_people(segmented, real, same)
+    if run.plan.photo.require_people and not len(segmented.people):
         raise NoPersonError("a person is required, but all people of the photo were left out")
     sizes = run.given.known
     if prompt is None:
-        found, body = _with_given_bodies(run, found)
-        order = order_left_to_right(found.people)
-        found = select_people(found, order)
-        known = known_people(sizes, len(found.people))
-        return FoundPeople(found.people, found.missing, known, body[order])
+        segmented, body = _with_given_bodies(run, segmented)
+        order = order_left_to_right(segmented.people)
+        segmented = select_people(segmented, order)
+        known = known_people(sizes, len(segmented.people))
+        return FoundPeople(segmented.people, segmented.missing, known, body[order])
     known = select_people(known_people(sizes, len(every)), real)
     if not real.all():
         # The others have their pixels back only in a segmentation without the false persons.
         again = _segment(run, prompt.select(real), required=True)
-        found = replace(again, people=replace(again.people, unposed=found.people.unposed))
-    chosen, body = _with_given_bodies(run, found)
-    added = np.arange(len(chosen.people)) < len(found.people)
+        segmented = replace(again, people=replace(again.people, unposed=segmented.people.unposed))
+    chosen, body = _with_given_bodies(run, segmented)
+    added = np.arange(len(chosen.people)) < len(segmented.people)
     return FoundPeople(chosen.people, chosen.missing, expand_known(known, added), body)
 
 
-def _with_given_bodies(run: PhotoRun, found: SegmentedPeople) -> tuple[SegmentedPeople, IntArray]:
+def _with_given_bodies(
+    run: PhotoRun, segmented: SegmentedPeople
+) -> tuple[SegmentedPeople, IntArray]:
     """Return the people with those whom only the given bodies show, and the body (N,) of each, -1
     for none; without other people if the given bodies are final.
     """
     given = run.bodies
-    rows = np.full(len(found.people), -1)
+    rows = np.full(len(segmented.people), -1)
     if given is None or not given.is_placed:
-        return found, rows
+        return segmented, rows
     from physic_core.prepare.bodies import match_to_people
 
     camera = run.given.photo.intrinsics
-    rows, outlines = match_to_people(given, run.model, camera, found.people)
+    rows, outlines = match_to_people(given, run.model, camera, segmented.people)
     if run.plan.photo.bodies_final and (rows < 0).any():
-        found = _left_out(found, rows < 0, "no given body is there")
+        segmented = _move_to_unposed(segmented, rows < 0, "no given body is there")
         rows = rows[rows >= 0]
     others = np.setdiff1d(np.arange(len(given)), rows)
-    free = outlines[others] & ~found.people.masks.any(0)
+    free = outlines[others] & ~segmented.people.masks.any(0)
     shown = free.any((1, 2))
     if not shown.all():
         run.stages.note(
@@ -176,9 +178,9 @@ def _with_given_bodies(run: PhotoRun, found: SegmentedPeople) -> tuple[Segmented
             f"them"
         )
     if not shown.any():
-        return found, rows
+        return segmented, rows
     run.stages.note(f"added {shown.sum()} people whom only the given bodies show")
-    people = with_people_of_masks(found.people, free[shown])
+    people = with_people_of_masks(segmented.people, free[shown])
     return SegmentedPeople(people, None), np.concatenate([rows, others[shown]])
 
 
@@ -194,21 +196,21 @@ def _segment_with_masks(
     """
     masks = None if prompt is None else prompt.masks
     try:
-        found = _segment(run, prompt, required=required)
+        segmented = _segment(run, prompt, required=required)
     except NoPersonError:
         if masks is not None:
             _check_masks(masks, _segment(run, None, required=False).people.masks)
         raise
-    if masks is not None and _share_of_keypoints_inside(found.people) < _INSIDE:
+    if masks is not None and _share_of_keypoints_inside(segmented.people) < _INSIDE:
         _check_masks(masks, _segment(run, None, required=False).people.masks)
-    return found
+    return segmented
 
 
-def _check_masks(given: BoolArray, seen: BoolArray) -> None:
+def _check_masks(given_masks: BoolArray, detected_masks: BoolArray) -> None:
     """Raise InputError if masks (M, H, W) fit others clearly better turned or inverted."""
-    from physic_core.geometry.readings import turned_masks
+    from physic_core.geometry.depth_comparison import turned_masks
 
-    if turned := turned_masks(given, seen):
+    if turned := turned_masks(given_masks, detected_masks):
         raise InputError(f"the given masks are of a picture that is {turned}")
 
 
@@ -262,25 +264,25 @@ def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> S
     return SegmentedPeople(people, missing)
 
 
-def _without(found: SegmentedPeople, ignored: PeoplePrompt) -> SegmentedPeople:
+def _without_ignored(segmented: SegmentedPeople, ignored: PeoplePrompt) -> SegmentedPeople:
     """Return the people whom the user does not ignore; others' pixels show no scene."""
-    return _left_out(found, is_ignored_person(found.people, ignored), NOT_CHOSEN)
+    return _move_to_unposed(segmented, is_ignored_person(segmented.people, ignored), NOT_CHOSEN)
 
 
-def _left_out(found: SegmentedPeople, out: BoolArray, reason: str) -> SegmentedPeople:
+def _move_to_unposed(segmented: SegmentedPeople, is_out: BoolArray, reason: str) -> SegmentedPeople:
     """Return the people who are not left out (N,); others' pixels show no scene."""
-    people = found.people
-    masks: BoolArray = np.logical_or.reduce(people.masks[out])
+    people = segmented.people
+    masks: BoolArray = np.logical_or.reduce(people.masks[is_out])
     if people.unposed_mask is not None:
         masks |= people.unposed_mask
-    kept = _select(found, ~out, reason)
+    kept = _keep_people(segmented, ~is_out, reason)
     return replace(kept, people=replace(kept.people, unposed_mask=masks))
 
 
-def _select(found: SegmentedPeople, rows: BoolArray, reason: str) -> SegmentedPeople:
+def _keep_people(segmented: SegmentedPeople, rows: BoolArray, reason: str) -> SegmentedPeople:
     """Return some (N,) bool of the people; the others have no body, for this reason."""
-    kept = select_people(found, rows)
-    unposed = kept.people.unposed + without_bodies(found.people, ~rows, reason)
+    kept = select_people(segmented, rows)
+    unposed = kept.people.unposed + without_bodies(segmented.people, ~rows, reason)
     return replace(kept, people=replace(kept.people, unposed=unposed))
 
 
@@ -292,15 +294,17 @@ def find_keypoints(run: PhotoRun, people: People) -> FoundKeypoints:
     if run.wants("keypoints", people):
         detected = run.call("keypoints", KeypointDetectorRequest(run.image, people))
         found = FoundKeypoints(*discard_invalid_keypoints(detected))
-    given = run.given.keypoints
-    if given is None:
+    given_keypoints = run.given.keypoints
+    if given_keypoints is None:
         return found
     from physic_core.prepare.keypoints import contradicted_keypoints, corrected_keypoints
 
-    keypoints, changed, notes = corrected_keypoints(found.keypoints, given, people)
+    keypoints, changed, notes = corrected_keypoints(found.keypoints, given_keypoints, people)
     run.stages.note(*notes)
     contradicted = contradicted_keypoints(found.keypoints, keypoints, changed, people)
-    return FoundKeypoints(keypoints, found.missing, changed, contradicted, given.file_px_per_px)
+    return FoundKeypoints(
+        keypoints, found.missing, changed, contradicted, given_keypoints.file_px_per_px
+    )
 
 
 def observe_people(
@@ -309,24 +313,24 @@ def observe_people(
     """Tell what people do; unknown without a backend, and if it fails. Also return the keypoints,
     turned round for people whose back is taken for a front; not where the user gave some.
     """
-    from physic_core.engine.ground.posture import is_back_taken_for_front, weigh_posture
+    from physic_core.engine.ground.posture import seems_reversed, weigh_posture
 
     keypoints = joints.keypoints
-    seen = None
+    observed = None
     if run.wants("observations", people):
-        seen = run.call_optional(
+        observed = run.call_optional(
             "observations",
             PersonObserverRequest(run.image, people, keypoints, camera),
             otherwise="what people do is estimated from their joints alone",
         )
-    if seen is None:
+    if observed is None:
         return Observations.unknown(len(people)), joints
-    turned = is_back_taken_for_front(seen, keypoints)
+    turned = seems_reversed(observed, keypoints)
     if joints.is_changed is not None:
         turned &= ~joints.is_changed.any(1)
-    keypoints = keypoints.facing_the_other_way(turned)
-    said = weigh_posture(seen.with_sides_exchanged(turned), keypoints)
-    return said, replace(joints, keypoints=keypoints)
+    keypoints = keypoints.mirrored_in_depth(turned)
+    weighed = weigh_posture(observed.with_swapped_sides(turned), keypoints)
+    return weighed, replace(joints, keypoints=keypoints)
 
 
 def estimate_bodies(run: PhotoRun, photo: PhotoContent, hints: Hints) -> tuple[Bodies, BoolArray]:
@@ -396,16 +400,16 @@ def use_given_bodies(
         bodies: estimated.
         no_body: (N,) bool, people without one.
     """
-    given = run.bodies
-    if given is None or not len(photo.people):
+    given_bodies = run.bodies
+    if given_bodies is None or not len(photo.people):
         return bodies, no_body, None
     from physic_core.prepare.bodies import place_by_keypoints, with_given_bodies
 
-    if not given.is_placed:
-        given, rows = place_by_keypoints(given, run.model, photo), np.zeros(1, int)
-    bodies, matched, warnings = with_given_bodies(given, rows, photo, bodies, run.model)
+    if not given_bodies.is_placed:
+        given_bodies, rows = place_by_keypoints(given_bodies, run.model, photo), np.zeros(1, int)
+    bodies, matched, warnings = with_given_bodies(given_bodies, rows, photo, bodies, run.model)
     run.stages.warn(*warnings)
-    run.stages.note(f"bodies of {matched.is_of.sum()} of {len(rows)} people: {given.source}")
+    run.stages.note(f"bodies of {matched.is_of.sum()} of {len(rows)} people: {given_bodies.source}")
     if photo.known.stature is not None:
         from physic_core.engine.sizes.stature import bodies_of_stature
 
@@ -433,7 +437,7 @@ def hints_with_bodies(run: PhotoRun, photo: PhotoContent, bodies: Bodies, hints:
 
 
 def estimate_contact(
-    run: PhotoRun, hints: Hints, embodied: BoolArray
+    run: PhotoRun, hints: Hints, has_body: BoolArray
 ) -> tuple[ContactProbability, BoolArray | None]:
     """Estimate prior contact of N people, 0 without a body; also return the people (N,) without
     valid values, or None without a backend.
@@ -441,15 +445,15 @@ def estimate_contact(
     Args:
         run: of the photo.
         hints: about the people with bodies.
-        embodied: (N,) bool, these people.
+        has_body: (N,) bool, these people.
     """
     model = run.model
     people, bodies = hints.people, hints.bodies
     assert people is not None
     assert bodies is not None
-    shape = len(embodied), model.num_vertices
+    shape = len(has_body), model.num_vertices
     nothing = ContactProbability(np.zeros(shape, np.float32), model.topology)
-    if not run.wants("contact prior", embodied):
+    if not run.wants("contact prior", has_body):
         return nothing, None
     request = ContactPriorRequest(
         run.image, people, bodies, topology=model.topology, vertices=model.num_vertices
@@ -460,5 +464,5 @@ def estimate_contact(
     if contact is not None and contact.topology != model.topology:
         contact = transfer_contact(contact, model, run.resolved("contact prior").title, run.stages)
     if contact is None:
-        return nothing, np.ones(len(embodied), bool)
-    return expand_contact(contact, embodied)
+        return nothing, np.ones(len(has_body), bool)
+    return expand_contact(contact, has_body)

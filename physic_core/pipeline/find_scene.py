@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from physic_core.engine.ground.floor import FloorCandidate, FloorEvidence
     from physic_core.engine.ground.floor_and_scale import Ground
-    from physic_core.engine.photo import PhotoContent
+    from physic_core.engine.photo_content import PhotoContent
     from physic_core.engine.placement.method import PlacementStageMethod
-    from physic_core.geometry.readings import Comparison
+    from physic_core.geometry.depth_comparison import Comparison
     from physic_core.pipeline.find_people import FoundPeople
     from physic_core.pipeline.photo_run import PhotoRun
     from physic_core.types import (
@@ -60,7 +60,7 @@ class Maps(ShortRepr):
         scene: its point map, in a usual unit.
         original: of the photo; its shape is the people's.
         camera: of both.
-        own_depth: metric depth with a scale of its own, without the hole; None without one.
+        metric_depth: metric depth with a scale of its own, without the hole; None without one.
         hints: for the next backend, with the scene as it was measured or estimated.
         reading: of a depth or point map of a file; None without one.
     """
@@ -69,7 +69,7 @@ class Maps(ShortRepr):
     scene: Pointmap
     original: Pointmap
     camera: Intrinsics
-    own_depth: DepthMap | None
+    metric_depth: DepthMap | None
     hints: Hints
     reading: Comparison | None = None
 
@@ -114,11 +114,11 @@ def map_photo(run: PhotoRun, people: People, keypoints: Keypoints, inpainting: I
     camera = camera or scene.intrinsics or _camera_of(scene)
     hints = replace(hints, intrinsics=camera, hole=None, photo=None, scene=scene)
     original = _pointmap(run, "photo point map", run.image, hints) if hole.any() else scene
-    reading, seen = _compared_points(run, original, camera) or (None, (original, scene))
+    reading, references = _compared_points(run, original, camera) or (None, (original, scene))
     maps = Maps(inpainting, scene, original, camera, None, hints, reading)
     if run.resolved("metric depth").backend.sees != "photo":
         return maps
-    return _with_depth_of_photo(run, maps, seen, people)
+    return _with_depth_of_photo(run, maps, references, people)
 
 
 def _compared_points(
@@ -134,32 +134,34 @@ def _compared_points(
         return None
 
     try:
-        seen = run.call_replaced("relative_pointmap", RelativePointmapRequest(run.image, Hints()))
+        photo_points = run.call_replaced(
+            "relative_pointmap", RelativePointmapRequest(run.image, Hints())
+        )
     except PhysicError as error:
         run.stages.note(f"the given point map was not compared with the photo: {error}")
         return None
     z = np.where(original.valid, original.points[..., 2], np.nan)
-    return _compared("point map", z, (seen,), camera), (seen,)
+    return _as_read("point map", z, (photo_points,), camera), (photo_points,)
 
 
-def _compared(
-    name: str, depth: FloatArray, seen: tuple[Pointmap, ...], camera: Intrinsics
+def _as_read(
+    name: str, depth: FloatArray, references: tuple[Pointmap, ...], camera: Intrinsics
 ) -> Comparison:
     """Compare the depth (H, W) of a file with point maps of a network.
 
     Raises:
         InputError: another reading of the file fits clearly better.
     """
-    from physic_core.geometry.readings import SURELY, compare_depth
+    from physic_core.geometry.depth_comparison import SURELY, compare_depth
 
-    found = compare_depth(depth, seen, camera)
-    if found.ratio <= SURELY:
-        raise InputError(f"the given {name} does not fit this photo pixel by pixel: {found}")
-    return found
+    comparison = compare_depth(depth, references, camera)
+    if comparison.ratio <= SURELY:
+        raise InputError(f"the given {name} does not fit this photo pixel by pixel: {comparison}")
+    return comparison
 
 
 def _with_depth_of_photo(
-    run: PhotoRun, maps: Maps, seen: tuple[Pointmap, ...], people: People
+    run: PhotoRun, maps: Maps, references: tuple[Pointmap, ...], people: People
 ) -> Maps:
     """Return the maps in the shape of the depth by a backend that sees the photo, if it was
     measured.
@@ -167,7 +169,7 @@ def _with_depth_of_photo(
     Args:
         run: of the photo.
         maps: without it.
-        seen: point maps of the photo by a network.
+        references: point maps of the photo by a network.
         people: in the photo.
 
     Raises:
@@ -175,20 +177,28 @@ def _with_depth_of_photo(
     """
     from physic_core.engine.scene.measured_shape import in_usual_unit
     from physic_core.engine.sizes.evidence import is_measured
-    from physic_core.prepare.depth import photo_of_depth, scene_of_depth, without_hole
+    from physic_core.prepare.depth import (
+        mask_hole,
+        photo_with_measured_depth,
+        scene_with_measured_depth,
+    )
 
     hole, scene, original = maps.inpainting.hole, maps.scene, maps.original
     whole = run.call("metric depth", MetricDepthRequest(run.image))
-    maps = replace(maps, reading=_compared("depth", whole.depth, seen, maps.camera))
-    own = without_hole(whole, hole)
-    if own is None or not is_measured(own):
-        return replace(maps, own_depth=own)
-    scene, note = scene_of_depth(scene, own, hole, maps.camera)
+    maps = replace(maps, reading=_as_read("depth", whole.depth, references, maps.camera))
+    visible_depth = mask_hole(whole, hole)
+    if visible_depth is None or not is_measured(visible_depth):
+        return replace(maps, metric_depth=visible_depth)
+    scene, note = scene_with_measured_depth(scene, visible_depth, hole, maps.camera)
     run.stages.note(note)
     hints = replace(maps.hints, scene=scene)
     if hole.any():
-        original = photo_of_depth(original, scene, whole, own, people.masks, maps.camera)
-    return replace(maps, scene=in_usual_unit(scene), original=original, own_depth=own, hints=hints)
+        original = photo_with_measured_depth(
+            original, scene, whole, visible_depth, people.masks, maps.camera
+        )
+    return replace(
+        maps, scene=in_usual_unit(scene), original=original, metric_depth=visible_depth, hints=hints
+    )
 
 
 def _pointmap(run: PhotoRun, stage: str, image: UInt8Array, hints: Hints) -> Pointmap:
@@ -201,7 +211,7 @@ def _pointmap(run: PhotoRun, stage: str, image: UInt8Array, hints: Hints) -> Poi
 
 
 def _camera_of(pointmap: Pointmap) -> Intrinsics:
-    from physic_core.engine.photo import PixelPoints
+    from physic_core.engine.photo_content import PixelPoints
     from physic_core.geometry.pointmap import intrinsics_from_pointmap
 
     height, width = pointmap.valid.shape
@@ -211,32 +221,32 @@ def _camera_of(pointmap: Pointmap) -> Intrinsics:
 
 
 def photo_content(
-    found: FoundPeople,
+    people: FoundPeople,
     keypoints: Keypoints,
     observations: Observations,
     maps: Maps,
     settings: PlacementStageMethod,
 ) -> PhotoContent:
     """Return what the photo shows, with its point map aligned to the scene outside the hole."""
-    from physic_core.engine.photo import PhotoContent
+    from physic_core.engine.photo_content import PhotoContent
     from physic_core.geometry.tensors import tensor
 
     hole = tensor(maps.inpainting.hole)
     return PhotoContent(
-        people=found.people,
+        people=people.people,
         keypoints=keypoints,
         observations=observations,
-        known=found.known,
+        known=people.known,
         camera=maps.camera,
         hole=hole,
         scene_map=maps.scene,
         photo_map=maps.original,
-        aligned_map=_aligned(maps, hole, settings) if hole.any() else maps.scene,
+        aligned_map=_align_to_scene(maps, hole, settings) if hole.any() else maps.scene,
     )
 
 
-def _aligned(maps: Maps, hole: Tensor, settings: PlacementStageMethod) -> Pointmap:
-    from physic_core.engine.photo import PixelPoints
+def _align_to_scene(maps: Maps, hole: Tensor, settings: PlacementStageMethod) -> Pointmap:
+    from physic_core.engine.photo_content import PixelPoints
     from physic_core.engine.placement.solve import align_photo_points_to_scene
     from physic_core.geometry.alignment import apply_alignment
 
@@ -248,13 +258,13 @@ def _aligned(maps: Maps, hole: Tensor, settings: PlacementStageMethod) -> Pointm
 
 def find_floors(photo: PhotoContent, hints: Hints, *, searched: bool) -> Floors:
     """Find planes that may be the floor; none unless they are searched."""
-    from physic_core.engine.ground.floor import best_index, chosen_floor
+    from physic_core.engine.ground.floor import describe_floor, index_of_best
     from physic_core.engine.ground.floor_and_scale import floor_evidence, scene_floor_candidates
     from physic_core.engine.up import surest_up
 
     evidence = floor_evidence(photo)
     floors = scene_floor_candidates(photo.scene_points, evidence, searched=searched)
-    floor = chosen_floor(floors, best_index(floors), evidence).plane
+    floor = describe_floor(floors, index_of_best(floors), evidence).plane
     up = surest_up(floor, evidence.up, photo.slope_sigma_deg)
     hints = replace(
         hints,
@@ -267,14 +277,18 @@ def find_floors(photo: PhotoContent, hints: Hints, *, searched: bool) -> Floors:
 
 
 def find_scale(
-    run: PhotoRun, photo: PhotoContent, bodies: Bodies, floors: Floors, own: DepthMap | None
+    run: PhotoRun,
+    photo: PhotoContent,
+    bodies: Bodies,
+    floors: Floors,
+    backend_depth: DepthMap | None,
 ) -> Ground:
     """Find floor and scale by the people with bodies, and by a depth with a scale of its own."""
     from physic_core.engine.ground.floor_and_scale import find_ground, up_checked_in_photo
     from physic_core.engine.up import slope_warnings
 
     evidence = floors.evidence
-    witness = own if run.plan.engine.scene.rescales_depth else None
+    witness = backend_depth if run.plan.engine.scene.rescales_depth else None
     ground = find_ground(photo, bodies, run.model, floors.candidates, evidence, witness)
     plane = ground.search.plane
     run.stages.warn(
@@ -284,19 +298,19 @@ def find_scale(
     return ground
 
 
-def depth_of_own_scale(run: PhotoRun, maps: Maps, hints: Hints) -> DepthMap | None:
+def metric_backend_depth(run: PhotoRun, maps: Maps, hints: Hints) -> DepthMap | None:
     """Return metric depth with a scale of its own: that of the photo, or by a backend that does not
     read the scale of the hints; None without one, and if it needs people and gets none.
     """
-    if maps.own_depth is not None or "scale" in _reads_of_depth(run):
-        return maps.own_depth
+    if maps.metric_depth is not None or "scale" in _reads_of_depth(run):
+        return maps.metric_depth
     with suppress(NoPersonError):
         return run.call("metric depth", MetricDepthRequest(maps.inpainting.image, hints))
     return None
 
 
 def depth_at_scale(
-    run: PhotoRun, ground: Ground, own: DepthMap | None, maps: Maps, hints: Hints
+    run: PhotoRun, ground: Ground, backend_depth: DepthMap | None, maps: Maps, hints: Hints
 ) -> DepthMap:
     """Return metric depth of the inpainted photo: its own, or at the scale that was found.
 
@@ -304,7 +318,7 @@ def depth_at_scale(
     """
     from physic_core.engine.sizes.scale_vote import scaled_depth
 
-    depth = ground.depth or own
+    depth = ground.depth or backend_depth
     if depth is None and "scale" in _reads_of_depth(run):
         hints = replace(hints, floor=ground.plane, scale=ground.scale)
         with suppress(NoPersonError):

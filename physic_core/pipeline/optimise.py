@@ -19,8 +19,8 @@ from physic_core.types.contacts import part_words
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.settings import EngineSettings
+    from physic_core.engine.skin_contact import SkinContact
     from physic_core.engine.state import Estimates
-    from physic_core.engine.whom import Meeting
     from physic_core.pipeline.stage_caller import StageCaller
     from physic_core.types import Reconstruction
 
@@ -54,7 +54,7 @@ def run_engine(
         blind = placed.photo_depth is None
         state = optimize(placed, settings.joint.without("depth") if blind else settings.joint)
     if state.joint is not None:
-        stages.note(*(_apart(one) for one in state.joint.released))
+        stages.note(*(_separation_note(one) for one in state.joint.released))
     with stages.time_engine("contact"):
         # Before inpainted points are moved out of people: what carries them is there.
         contact = solve_contact(estimates, state, settings.contact).contact
@@ -70,12 +70,12 @@ def run_engine(
     return replace(result, diagnostics={**result.diagnostics, **sizes})
 
 
-def _apart(meeting: Meeting) -> str:
+def _separation_note(contact: SkinContact) -> str:
     """Return the note on two parts that the engine did not bring together."""
-    own, other = part_words(meeting.part), part_words(meeting.other_part)
-    whose = "the same" if meeting.other == meeting.person else f"person {meeting.other}"
+    own, other = part_words(contact.part), part_words(contact.other_part)
+    whose = "the same" if contact.other == contact.person else f"person {contact.other}"
     return (
-        f"the {own} of person {meeting.person} probably touches the {other} of {whose}, "
+        f"the {own} of person {contact.person} probably touches the {other} of {whose}, "
         "but they stay apart in the result, because contact would move a body off its keypoints. "
         "Do not measure the gap between them"
     )

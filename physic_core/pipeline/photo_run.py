@@ -74,14 +74,14 @@ class PhotoRun:
         if self.given.bodies is None:
             return None
         from physic_core.pipeline.backend_results import convert_to_configured
-        from physic_core.prepare.bodies import of_model
+        from physic_core.prepare.bodies import in_configured_model
 
         given = self.given.bodies
         self.stages.note(*given.notes)
         bodies = given.bodies
         if bodies.body_model != self.model.name:
             bodies = convert_to_configured(bodies, self.model, given.source, self.stages)
-        return of_model(replace(given, bodies=bodies), self.model)
+        return in_configured_model(replace(given, bodies=bodies), self.model)
 
     def resolved(self, stage: str) -> ResolvedBackend:
         """Return the backend of a stage."""
@@ -104,7 +104,7 @@ class PhotoRun:
         try:
             return self.call(stage, request)
         except PhysicError as error:
-            self.stages.warn_of(error, otherwise)
+            self.stages.warn_of_error(error, otherwise)
             return None
 
     def call_replaced(self, interface: str, request: Request[Result]) -> Result:

@@ -29,7 +29,7 @@ from physic_core.judge import (
     person_trust,
     unknown_checks,
 )
-from physic_core.prepare.frame import plain_ground
+from physic_core.prepare.frame import smooth_background
 from physic_core.types import (
     POSTURES,
     Intrinsics,
@@ -83,14 +83,14 @@ def _people(
     estimates: Estimates, state: State, contact: Contact, measures: Sequence[Measures]
 ) -> tuple[Person, ...]:
     photo = estimates.photo
-    found = photo.people
-    _, years = photo.known.filled(len(found))
+    detected = photo.people
+    _, years = photo.known.filled(len(detected))
     parameters = parameters_from_rotations(
         state.rotations, state.betas, state.expression, state.transl
     )
     rows = _arrays_of_people(state, contact)
     sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
-    unseen = _unseen_limbs(state)
+    hidden_limbs = _hidden_limbs(state)
     touch = estimates.ground.stance.limb_touch_probability
     sigmas = estimates.bodies.joint_sigma
     people = []
@@ -98,16 +98,16 @@ def _people(
         has_body = bool(torch.isfinite(stature))
         people.append(
             Person(
-                box=found.boxes[i],
-                score=float(found.scores[i]),
-                mask=found.masks[i],
+                box=detected.boxes[i],
+                score=float(detected.scores[i]),
+                mask=detected.masks[i],
                 keypoints=photo.keypoints.points[i],
                 keypoint_confidence=photo.keypoints.confidence[i],
                 parameters=parameters[i : i + 1],
                 contacts=contact.contacts[i],
                 support=contact.supports[i],
                 world_contact=_world_contact(contact, i),
-                unseen=unseen[i] if has_body else (),
+                unseen=hidden_limbs[i] if has_body else (),
                 joint_sigma=sigmas[i] if has_body and sigmas is not None else None,
                 age=float(years[i]) if math.isfinite(years[i]) else None,
                 stature=float(stature) if has_body else None,
@@ -122,11 +122,11 @@ def _people(
     return tuple(people)
 
 
-def _given_fields(given: MatchedBodies | None, person: int) -> dict[str, Any]:
+def _given_fields(matched: MatchedBodies | None, person: int) -> dict[str, Any]:
     """Return what the user gives as the body of a person, as fields of a Person."""
-    if given is None or not given.is_of[person]:
+    if matched is None or not matched.is_of[person]:
         return {}
-    return {"body_source": given.source, "given_joints": given.joints[person]}
+    return {"body_source": matched.source, "given_joints": matched.joints[person]}
 
 
 def _arrays_of_people(state: State, contact: Contact) -> dict[str, Any]:
@@ -157,16 +157,16 @@ def _sizes(state: State, person: int) -> dict[str, float]:
     return sizes
 
 
-def _observed_fields(said: Observations, touch: FloatArray, person: int) -> dict[str, Any]:
+def _observed_fields(observations: Observations, touch: FloatArray, person: int) -> dict[str, Any]:
     """Return what the person observer says of a person, as fields of a Person.
 
     A plank has no name among the postures, and looks like lying: a person on feet and hands, whose
     probabilities to touch are the first four of ``touch`` (5,), and not on the buttocks, does not
     lie.
     """
-    posture = said.posture[person]
+    posture = observations.posture[person]
     best = int(posture.argmax())  # 0 in a row of NaN
-    values = {"posture_probability": posture[best], "child_probability": said.child[person]}
+    values = {"posture_probability": posture[best], "child_probability": observations.child[person]}
     supports_itself = touch[:2].max() * touch[2:4].max() * (1 - touch[4])
     if POSTURES[best] == "lie" and supports_itself >= LEAST_PROBABILITY:
         del values["posture_probability"]
@@ -174,7 +174,7 @@ def _observed_fields(said: Observations, touch: FloatArray, person: int) -> dict
     return known | ({"posture": POSTURES[best]} if "posture_probability" in known else {})
 
 
-def _unseen_limbs(state: State) -> list[tuple[str, ...]]:
+def _hidden_limbs(state: State) -> list[tuple[str, ...]]:
     """Return the limbs of each person at whose end no photo has a confident keypoint."""
     names = state.model.part_names
     seen = observed_parts(names, state.observed_in_any_photo).tolist()
@@ -186,7 +186,9 @@ def _world_contact(contact: Contact, person: int) -> Mapping[str, float] | None:
     """Return body part -> probability of contact with the world; None without any."""
     if contact.supports[person] is None:
         return None
-    found = {name: round(float(p[person]), DECIMALS) for name, p in contact.parts.items()}
+    found = {
+        name: round(float(p[person]), DECIMALS) for name, p in contact.part_probability.items()
+    }
     return found or None
 
 
@@ -230,7 +232,7 @@ def _scene(estimates: Estimates, state: State) -> Scene:
     scale = state.unapplied_scene_scale
     floor = None if scene.floor is None else scene.floor.scaled(scale).to_plane()
     valid = scene.valid
-    if (plain := _plain_ground(estimates)) is not None:
+    if (plain := _smooth_background(estimates)) is not None:
         valid = valid & ~torch.from_numpy(plain)
     maps = arrays(
         points=scene.points * scale,
@@ -251,14 +253,14 @@ def _scene(estimates: Estimates, state: State) -> Scene:
     )
 
 
-def _plain_ground(estimates: Estimates) -> BoolArray | None:
+def _smooth_background(estimates: Estimates) -> BoolArray | None:
     """Return where the scene (H, W) is a ground of one colour, which shows no network its shape;
     None without one, or with a measured depth.
     """
-    return None if estimates.ground.measured is not None else plain_ground(estimates.inpainted)
+    return None if estimates.ground.measured is not None else smooth_background(estimates.inpainted)
 
 
-def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstruction:
+def with_checks_and_trust(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstruction:
     """Return a result with its checks, and the trust in each person."""
     trust = [
         (no_trust if person.stature is None else person_trust)(checks, i)
@@ -282,7 +284,7 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
     """
     people = result.people
     notes = []
-    reasons = Counter(one.kind for one in result.unposed if one.is_somebody_else)
+    reasons = Counter(one.kind for one in result.unposed if one.is_another_person)
     if reasons:
         counts = ", ".join(f"{count} {reason}" for reason, count in reasons.most_common())
         cure = "; --box x0,y0,x1,y1 for each person may give them one"
@@ -300,7 +302,7 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
         contacts = [person.contacts for person in people]
         floor, sigma = result.scene.floor, result.scene.scale_sigma
         notes.append(scale_note(contacts, bodies, floor, lie, sigma))
-    if (plain := _plain_ground(estimates)) is not None:
+    if (plain := _smooth_background(estimates)) is not None:
         share = (plain & ~np.asarray(estimates.photo.hole)).mean()
         notes.append(
             f"{share:.0%} of the photo is ground of one color, whose depth is unknown: do not "
@@ -357,21 +359,21 @@ def describe_repositories(plan: ResolvedPipeline) -> tuple[dict[str, Any], tuple
     A checkout's state is "tested" if it is at the commit with which the backend was tested,
     "differs" if it is at another one, and "unpinned" if no such commit is stated.
     """
-    found: dict[str, dict[str, str]] = {}
+    repositories: dict[str, dict[str, str]] = {}
     for resolved in plan.backends.values():
         with suppress(Exception):  # of a plugin; the result is complete without its statement
             for one in resolved.backend.requirements():
                 if isinstance(one, Repository) and one.found:
-                    found[one.url] = {"commit": one.found, "state": _commit_state(one)}
+                    repositories[one.url] = {"commit": one.found, "state": _commit_text(one)}
     others = tuple(
         f"the checkout of {url} is at {entry['commit'][:7]}, not at the commit that was tested"
-        for url, entry in found.items()
+        for url, entry in repositories.items()
         if entry["state"] == "differs"
     )
-    return ({"repositories": found} if found else {}), others
+    return ({"repositories": repositories} if repositories else {}), others
 
 
-def _commit_state(one: Repository) -> str:
-    if not one.commit:
+def _commit_text(repository: Repository) -> str:
+    if not repository.commit:
         return "unpinned"
-    return "tested" if one.found.startswith(one.commit) else "differs"
+    return "tested" if repository.found.startswith(repository.commit) else "differs"

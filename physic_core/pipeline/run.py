@@ -424,10 +424,10 @@ def _with_checks(
 ) -> Reconstruction:
     """Return a result with its checks, and the trust in each person."""
     from physic_core.judge import run_checks
-    from physic_core.pipeline.reconstruction import judge
+    from physic_core.pipeline.reconstruction import with_checks_and_trust
 
-    with stages.beyond_the_answer("the check of the result"):
-        return judge(result, run_checks(estimates, result))
+    with stages.optional_step("the check of the result"):
+        return with_checks_and_trust(result, run_checks(estimates, result))
     return result
 
 
@@ -444,7 +444,7 @@ def _with_descriptions(
     )
 
     repositories: dict[str, Any] = {}
-    with stages.beyond_the_answer("the description of the result"):
+    with stages.optional_step("the description of the result"):
         repositories, others = describe_repositories(plan)
         stages.warn(*others, *warning_messages(result.checks))
         stages.warn(*small_stature_warnings(estimates, result), *bent_trunk_warnings(result))
@@ -455,7 +455,7 @@ def _with_descriptions(
                     f"a check failed, and {one.title} never passed `physic plugins check` here: it "
                     f"may be wrong"
                     for one in plan.backends.values()
-                    if not stages.is_vouched_for(one)
+                    if not stages.has_passed_kit(one)
                 )
             )
     return replace(result, diagnostics={**result.diagnostics, **repositories})

@@ -17,18 +17,18 @@ from typing import TYPE_CHECKING, cast
 
 from physic_core import errors
 from physic_core.backends.devices import check_device
-from physic_core.cache.kit_stamps import is_vouched_for, target_of
+from physic_core.cache.kit_stamps import has_passed_kit, target_of
 from physic_core.cache.results import canonicalize, network_results_in
 from physic_core.configuration.resolve import resolve_one
 from physic_core.discovery.error_text import (
     bounded_message,
     describe_error,
-    left_out,
+    left_out_warning,
     plugin_error,
     traceback_text,
 )
 from physic_core.discovery.plugin_code import plugin_code
-from physic_core.discovery.process_state import kept_process_state
+from physic_core.discovery.process_state import restored_process_state
 from physic_core.errors import BackendError, BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
 from physic_core.interfaces.checks import require_image
@@ -88,7 +88,7 @@ class StageCaller:
         """Add notes, without duplicates."""
         self.notes += [t for t in dict.fromkeys(texts) if t not in self.notes]
 
-    def warn_of(self, error: PhysicError, otherwise: str) -> None:
+    def warn_of_error(self, error: PhysicError, otherwise: str) -> None:
         """Add a warning of an error, which ends with what the run does ``otherwise``, and print its
         traceback on stderr if ``PHYSIC_DEBUG`` is set.
         """
@@ -97,14 +97,14 @@ class StageCaller:
             sys.stderr.write(trace)
 
     @contextmanager
-    def beyond_the_answer(self, what: str) -> Iterator[None]:
+    def optional_step(self, what: str) -> Iterator[None]:
         """Turn an error in the block into a warning that begins with ``what``: the result is
         complete without it.
         """
         try:
             yield
         except Exception as error:
-            self.warn(left_out(what, error))
+            self.warn(left_out_warning(what, error))
             if trace := traceback_text(error):
                 sys.stderr.write(trace)
 
@@ -148,7 +148,7 @@ class StageCaller:
 
         find_faults = partial(contract_violations, interface, request=request)
         try:
-            key = self._cache_key(title, resolved, request.limited_to(resolved.backend.reads))
+            key = self._cache_key(title, resolved, request.arguments_read(resolved.backend.reads))
             result = self._read_cache(key, find_faults)
             cached = result is not None
             if result is None:
@@ -180,9 +180,9 @@ class StageCaller:
                     gc.collect()
         return cast("Result", result)
 
-    def is_vouched_for(self, resolved: ResolvedBackend) -> bool:
+    def has_passed_kit(self, resolved: ResolvedBackend) -> bool:
         """Return whether a backend ships with the project, or has passed the conformance kit."""
-        return self._loaded.is_vouched_for(resolved)
+        return self._loaded.has_passed_kit(resolved)
 
     def trim_cache(self) -> None:
         """Trim the cache and collect its notes; the backends stay loaded."""
@@ -204,7 +204,7 @@ class StageCaller:
     def close_backend(self, *only: ResolvedBackend) -> None:
         """Close these backends, or all; one that cannot be closed adds a warning."""
         for error in self._loaded.close(*only, report=self.warn):
-            self.warn_of(error, "the result is complete, but memory may leak")
+            self.warn_of_error(error, "the result is complete, but memory may leak")
 
     def _cache_key(
         self, title: str, resolved: ResolvedBackend, inputs: tuple[object, ...]
@@ -235,13 +235,13 @@ class LoadedBackends:
         self._ready: set[int] = set()
         self._vouched: dict[int, bool] = {}
 
-    def is_vouched_for(self, resolved: ResolvedBackend) -> bool:
+    def has_passed_kit(self, resolved: ResolvedBackend) -> bool:
         """Return whether a backend ships with the project, or has passed the conformance kit."""
         key = id(resolved.backend)
         if key not in self._vouched:
             who = resolved.provenance
             target = target_of(type(resolved.backend))
-            self._vouched[key] = is_vouched_for(
+            self._vouched[key] = has_passed_kit(
                 who.interface, who.backend, who.distribution, target, resolved.backend
             )
         return self._vouched[key]
@@ -345,7 +345,7 @@ def wrap_plugin_errors(
     changes: list[str] = []
     try:
         with (
-            nullcontext(changes) if report is None else kept_process_state() as changes,
+            nullcontext(changes) if report is None else restored_process_state() as changes,
             plugin_code(),
         ):
             yield

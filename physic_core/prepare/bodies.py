@@ -14,8 +14,8 @@ from physic_core.body.bones import ANCESTOR_MATRIX, pose_from_parameters
 from physic_core.body.landmarks import keypoints_on_body
 from physic_core.engine.state import MatchedBodies
 from physic_core.errors import ConfigError, InputError
+from physic_core.geometry.depth_comparison import turned_masks
 from physic_core.geometry.raster import rasterize
-from physic_core.geometry.readings import turned_masks
 from physic_core.interfaces.bodies import valid_body_rows
 from physic_core.io.body_file import with_columns_of_zeros
 from physic_core.prepare.people import LEAST_OVERLAP
@@ -24,7 +24,7 @@ from physic_core.types.skeletons import SURE_CONFIDENCE, mirrored_order
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.engine.photo import PhotoContent
+    from physic_core.engine.photo_content import PhotoContent
     from physic_core.io.body_file import GivenBodies
     from physic_core.types import (
         Bodies,
@@ -42,7 +42,7 @@ _MUCH_BETTER = 0.5  # of that, by which another reading of the file explains the
 _FEWEST = 6  # keypoints that tell how a body stands in the picture
 
 
-def of_model(given: GivenBodies, model: BodyModel) -> GivenBodies:
+def in_configured_model(given: GivenBodies, model: BodyModel) -> GivenBodies:
     """Return bodies, which have been converted, with as many components as the model.
 
     Raises:
@@ -60,13 +60,13 @@ def of_model(given: GivenBodies, model: BodyModel) -> GivenBodies:
 
 
 def match_to_people(
-    given: GivenBodies, model: BodyModel, camera: Intrinsics | None, people: People
+    bodies: GivenBodies, model: BodyModel, camera: Intrinsics | None, people: People
 ) -> tuple[IntArray, BoolArray]:
     """Return the body (N,) of each person, -1 for none, and the outlines (M, H, W) bool of all
     bodies.
 
     Args:
-        given: M bodies of the model, placed in the picture.
+        bodies: M bodies of the model, placed in the picture.
         model: of the bodies.
         camera: of the photo, for bodies that state none.
         people: N detected ones.
@@ -74,19 +74,19 @@ def match_to_people(
     Raises:
         InputError: the bodies are not of this photo.
     """
-    outlines = _outlines(given, model, camera, people.masks.shape[1:])
+    outlines = _body_masks(bodies, model, camera, people.masks.shape[1:])
     drawn = outlines.any((1, 2))
     if not drawn.any():
         raise InputError(
-            f"{given.source}: none of its {len(given)} bodies is in the picture: are they in world "
-            f"coordinates, behind the camera, with y up, or in millimeters? They are needed in the "
-            f"camera's frame: x right, y down, z forward, meters"
+            f"{bodies.source}: none of its {len(bodies)} bodies is in the picture: are they in "
+            f"world coordinates, behind the camera, with y up, or in millimeters? They are needed "
+            f"in the camera's frame: x right, y down, z forward, meters"
         )
     rows = np.full(len(people), -1)
     if not len(people):
         return rows, outlines
     if turned := turned_masks(outlines[drawn], people.masks):
-        raise InputError(f"{given.source}: its bodies are of a picture that is {turned}")
+        raise InputError(f"{bodies.source}: its bodies are of a picture that is {turned}")
     boxes = boxes_from_masks(outlines).astype(np.float64)
     overlap = box_iou(boxes, np.asarray(people.boxes, np.float64))
     overlap += mask_iou(outlines, people.masks)
@@ -97,14 +97,14 @@ def match_to_people(
     if (rows < 0).all():
         x0, y0, x1, y1 = boxes[drawn.argmax()].round().astype(int).tolist()
         raise InputError(
-            f"{given.source}: none of its {len(given)} bodies is where one of the {len(people)} "
+            f"{bodies.source}: none of its {len(bodies)} bodies is where one of the {len(people)} "
             f"people of the photo is; the first is in the box {x0},{y0},{x1},{y1} px: are they of "
             f"another photo, or of another size or crop of it?"
         )
     return rows, outlines
 
 
-def _outlines(
+def _body_masks(
     given: GivenBodies, model: BodyModel, camera: Intrinsics | None, size: tuple[int, ...]
 ) -> BoolArray:
     """Return the outlines (M, H, W) of bodies in their own camera."""
@@ -145,9 +145,9 @@ def place_by_keypoints(given: GivenBodies, model: BodyModel, photo: PhotoContent
         )
     p = given.bodies.parameters
     keypoints, landmarks = _landmarks(p, model, photo)
-    seen = keypoints.confidence[0] >= SURE_CONFIDENCE
-    body = landmarks[0, seen]
-    place = _translation(body, keypoints.points[0, seen], photo.camera)
+    visible = keypoints.confidence[0] >= SURE_CONFIDENCE
+    body = landmarks[0, visible]
+    place = _translation(body, keypoints.points[0, visible], photo.camera)
     if len(body) < _FEWEST or (body[:, 2] + place[2] <= 0).any():
         raise InputError("the keypoints do not place the given body: give one with a translation")
     placed = replace(given.bodies, parameters=replace(p, transl=p.transl + np.float32(place)))
@@ -197,29 +197,34 @@ def with_given_bodies(
         InputError: keypoints show that the bodies are upside down.
     """
     is_of = rows >= 0
-    parameters, joints = _in_photo(given, rows[is_of], model, photo.camera)
+    parameters, joints = _in_photo_camera(given, rows[is_of], model, photo.camera)
     warnings = _contradictions(given.source, parameters, model, photo, is_of)
     distance = np.inf if given.distance_sigma is None else given.distance_sigma
     errors = {
-        "rotation_sigma": turn_sigmas(joints, given.sigma_m),
+        "rotation_sigma": rotation_sigmas(joints, given.sigma_m),
         "joint_sigma": np.full(joints.shape[:2], given.sigma_m),
         "lean_sigma": np.full(len(joints), np.nan),
         "distance_sigma": np.full(len(joints), distance),
     }
     stated: dict[str, Any] = {
-        name: _changed(getattr(bodies, name), is_of, value) for name, value in errors.items()
+        name: _with_replaced_rows(getattr(bodies, name), is_of, value)
+        for name, value in errors.items()
     }
     changed = replace(
         bodies,
-        parameters=_merged(bodies.parameters, is_of, parameters),
+        parameters=_merged_parameters(bodies.parameters, is_of, parameters),
         joints=None,
         mesh=None,
         **stated,
     )
-    return changed, MatchedBodies(given.source, is_of, _changed(None, is_of, joints)), warnings
+    return (
+        changed,
+        MatchedBodies(given.source, is_of, _with_replaced_rows(None, is_of, joints)),
+        warnings,
+    )
 
 
-def _in_photo(
+def _in_photo_camera(
     given: GivenBodies, chosen: IntArray, model: BodyModel, camera: Intrinsics
 ) -> tuple[BodyParameters, FloatArray]:
     """Return the chosen bodies (n,) where their joints are at the same pixels of the photo's
@@ -239,12 +244,14 @@ def _in_photo(
     return replace(p, transl=p.transl + np.float32(move)), joints + move[:, None]
 
 
-def _merged(estimated: BodyParameters, is_of: BoolArray, given: BodyParameters) -> BodyParameters:
+def _merged_parameters(
+    estimated: BodyParameters, is_of: BoolArray, given: BodyParameters
+) -> BodyParameters:
     """Return the parameters of N people, with given ones of some; hands that are flat are
     estimated.
     """
     merged = {
-        one.name: _changed(getattr(estimated, one.name), is_of, getattr(given, one.name))
+        one.name: _with_replaced_rows(getattr(estimated, one.name), is_of, getattr(given, one.name))
         for one in fields(given)
     }
     for name in ("left_hand_pose", "right_hand_pose"):
@@ -254,7 +261,7 @@ def _merged(estimated: BodyParameters, is_of: BoolArray, given: BodyParameters) 
     return BodyParameters(**merged)
 
 
-def _changed(values: FloatArray | None, is_of: BoolArray, new: FloatArray) -> FloatArray:
+def _with_replaced_rows(values: FloatArray | None, is_of: BoolArray, new: FloatArray) -> FloatArray:
     """Return values (N, ...) of people, NaN if there are none, with those of some (n, ...)."""
     out = np.full((len(is_of), *new.shape[1:]), np.nan, np.float32)
     if values is not None:
@@ -263,7 +270,7 @@ def _changed(values: FloatArray | None, is_of: BoolArray, new: FloatArray) -> Fl
     return out
 
 
-def turn_sigmas(joints: FloatArray, sigma_m: float) -> FloatArray:
+def rotation_sigmas(joints: FloatArray, sigma_m: float) -> FloatArray:
     """Return the equal errors (M, 22), radians, of independent turns of pelvis and body joints that
     move the joints (M, 55, 3) by a root mean square of ``sigma_m`` relative to the pelvis.
 
@@ -285,7 +292,7 @@ def _contradictions(
     Raises:
         InputError: most bodies are upside down by the keypoints.
     """
-    off, by_sides, by_turn = _readings(given, model, photo, is_of).T
+    off, by_sides, by_turn = _keypoint_readings(given, model, photo, is_of).T
     far = off > _OFF
     if 2 * (far & (by_turn < _MUCH_BETTER * off)).sum() > len(off):
         raise InputError(
@@ -308,7 +315,7 @@ def _contradictions(
     return tuple(warnings)
 
 
-def _readings(
+def _keypoint_readings(
     given: BodyParameters, model: BodyModel, photo: PhotoContent, is_of: BoolArray
 ) -> FloatArray:
     """Return the mean distances (n, 3) of bodies from the keypoints of their people, as shares of
@@ -319,13 +326,13 @@ def _readings(
     drawn = landmarks[..., :2] / np.maximum(landmarks[..., 2:], 1e-3)
     drawn = drawn * [camera.fx, camera.fy] + [camera.cx, camera.cy]
     mirrored = mirrored_order(keypoints.joint_set.names)
-    found = np.full((len(drawn), 3), np.nan)
+    errors = np.full((len(drawn), 3), np.nan)
     people = zip(drawn, keypoints.points[is_of], keypoints.confidence[is_of], strict=True)
     for row, (body, points, confidence) in enumerate(people):
-        seen = confidence >= SURE_CONFIDENCE
-        if seen.sum() >= _FEWEST:
-            turned = body * [1, -1] + [0, 2 * body[seen, 1].mean()]
-            readings = np.stack([body, body[mirrored], turned])[:, seen]
-            apart = np.linalg.norm(readings - points[seen], axis=-1).mean(1)
-            found[row] = apart / np.linalg.norm(np.ptp(points[seen], axis=0))
-    return found
+        visible = confidence >= SURE_CONFIDENCE
+        if visible.sum() >= _FEWEST:
+            turned = body * [1, -1] + [0, 2 * body[visible, 1].mean()]
+            readings = np.stack([body, body[mirrored], turned])[:, visible]
+            apart = np.linalg.norm(readings - points[visible], axis=-1).mean(1)
+            errors[row] = apart / np.linalg.norm(np.ptp(points[visible], axis=0))
+    return errors

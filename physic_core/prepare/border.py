@@ -40,13 +40,13 @@ _LEAST_INSIDE = 0.1
 _THINNEST = 0.1  # ratio of the sides of a picture inside
 
 
-def find_inside(image: UInt8Array) -> Inside | None:
+def find_border(image: UInt8Array) -> Inside | None:
     """Return rows and columns of the picture inside the borders of an image (H, W, 3); None without
     a border.
     """
     height, width = image.shape[:2]
-    wide = _inside(image, _LEAST_BAR)
-    thin = _inside(image, 0.0)
+    wide = _inside_of_border(image, _LEAST_BAR)
+    thin = _inside_of_border(image, 0.0)
     framed = all(
         part.start > 0 and part.stop < whole
         for part, whole in zip(thin, (height, width), strict=True)
@@ -61,23 +61,23 @@ def find_inside(image: UInt8Array) -> Inside | None:
     return None if sides == [height, width] else inside
 
 
-def _inside(image: UInt8Array, least: float) -> Inside:
+def _inside_of_border(image: UInt8Array, least: float) -> Inside:
     """Return rows and columns between bars whose width is at least a share of the side."""
     inside = slice(0, image.shape[0]), slice(0, image.shape[1])
     for _ in range(2):  # the upper bar of a frame is found again without its sides
         rows, columns = inside
-        start, stop = _between_bars(image[inside], least)
+        start, stop = _rows_between_bars(image[inside], least)
         rows = slice(rows.start + start, rows.start + stop)
-        start, stop = _between_bars(image[rows, columns].transpose(1, 0, 2), least)
+        start, stop = _rows_between_bars(image[rows, columns].transpose(1, 0, 2), least)
         inside = rows, slice(columns.start + start, columns.start + stop)
     return inside
 
 
-def _between_bars(rows: UInt8Array, least: float) -> tuple[int, int]:
-    return _bar(rows, least), len(rows) - _bar(rows[::-1], least)
+def _rows_between_bars(rows: UInt8Array, least: float) -> tuple[int, int]:
+    return _bar_width(rows, least), len(rows) - _bar_width(rows[::-1], least)
 
 
-def _bar(rows: UInt8Array, least: float) -> int:
+def _bar_width(rows: UInt8Array, least: float) -> int:
     """Return the number of rows (R, C, 3) of one colour before the straight edge of a picture; 0
     without a bar.
     """

@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, DepthMap, Intrinsics, Pointmap
 
 
-def without_hole(depth: DepthMap, hole: BoolArray) -> DepthMap | None:
+def mask_hole(depth: DepthMap, hole: BoolArray) -> DepthMap | None:
     """Return a depth without the pixels (H, W) of a hole; None if none is left."""
     rest = np.where(hole, np.nan, depth.depth)
     return replace(depth, depth=np.asarray(rest, np.float32)) if np.isfinite(rest).any() else None
 
 
-def scene_of_depth(
+def scene_with_measured_depth(
     scene: Pointmap, depth: DepthMap, hole: BoolArray, camera: Intrinsics
 ) -> tuple[Pointmap, str]:
     """Return the scene with the shape of a measured depth, and a note on its share.
@@ -38,7 +38,7 @@ def scene_of_depth(
     )
 
 
-def photo_of_depth(
+def photo_with_measured_depth(
     photo: Pointmap,
     scene: Pointmap,
     depth: DepthMap,

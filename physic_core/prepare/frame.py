@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.geometry.colors import lab_from_srgb
-from physic_core.prepare.border import find_inside
-from physic_core.prepare.strips import count_pictures
-from physic_core.prepare.twins import half_of_twins
+from physic_core.prepare.border import find_border
+from physic_core.prepare.count_pictures import count_pictures
+from physic_core.prepare.stereo_pair import half_of_stereo_pair
 
 if TYPE_CHECKING:
     from physic_core.prepare.border import Inside
@@ -115,7 +115,7 @@ class _Line(NamedTuple):
 
 def find_frame(image: UInt8Array) -> Frame:
     """Return what is round the picture in a photo (H, W, 3)."""
-    border = find_inside(image)
+    border = find_border(image)
     whole = slice(0, image.shape[0]), slice(0, image.shape[1])
     if border is not None:
         several = len(_outermost_layer(image).uncut)
@@ -123,12 +123,12 @@ def find_frame(image: UInt8Array) -> Frame:
             return Frame(warning=_several_warning(several))
     inside = image if border is None else image[border]
     parted = count_pictures(inside)
-    if parted > 2 or (parted == 2 and half_of_twins(inside) is None):
+    if parted > 2 or (parted == 2 and half_of_stereo_pair(inside) is None):
         return Frame(border, "" if border is None else _BORDER, _several_warning(parted))
-    frame, pictures = _without_layers(image, border)
+    frame, pictures = _remove_frames(image, border)
     # of more pictures than two, as of a sheet for a passport, half is no picture
     rows, columns = frame.inside or whole
-    half = None if len(pictures) > 2 else half_of_twins(image[rows, columns])
+    half = None if len(pictures) > 2 else half_of_stereo_pair(image[rows, columns])
     if half is None:
         return frame
     axis, length = half
@@ -144,7 +144,7 @@ def find_frame(image: UInt8Array) -> Frame:
     )
 
 
-def _without_layers(
+def _remove_frames(
     image: UInt8Array, inside: Inside | None
 ) -> tuple[Frame, tuple[_InnerPicture, ...]]:
     """Return the picture inside the border of a photo (H, W, 3) without bed, white and mount, and
@@ -172,7 +172,7 @@ def _without_layers(
             found.corners[None], np.linalg.inv(_homography_to_upright(corners))
         )[0]
         is_print = frame.is_print or found.turn_deg > _STRAIGHT_DEG
-        frame = Frame(_rectangle_in(corners), "what surrounds the picture", is_print=is_print)
+        frame = Frame(_inner_rectangle(corners), "what surrounds the picture", is_print=is_print)
         width, height = _width_and_height(corners)
         part = cv2.warpPerspective(
             image, _homography_to_upright(corners), (round(width), round(height))
@@ -180,7 +180,7 @@ def _without_layers(
     return frame, ()
 
 
-def plain_ground(image: UInt8Array) -> BoolArray | None:
+def smooth_background(image: UInt8Array) -> BoolArray | None:
     """Return where (H, W) an image (H, W, 3) shows a ground of one colour that reaches its edge, as
     of a studio or a cut-out; None if there is little of it.
     """
@@ -220,7 +220,7 @@ def _outermost_layer(image: UInt8Array) -> _Layer:
     height, width = (max(1, round(side / scale)) for side in image.shape[:2])
     small = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
     small = cv2.medianBlur(small, 3)
-    outer, enclosing = _grounds(small)
+    outer, enclosing = _background_masks(small)
     pictures = _inner_pictures(outer) if outer.any() else []
     if len(pictures) > 1 and sum(one.share for one in pictures) >= _PARTS:
         return _Layer(uncut=tuple(pictures))
@@ -259,7 +259,7 @@ def _several_warning(number: int) -> str:
     )
 
 
-def _grounds(small: UInt8Array) -> tuple[BoolArray, list[BoolArray]]:
+def _background_masks(small: UInt8Array) -> tuple[BoolArray, list[BoolArray]]:
     """Return where a smooth ground is round or beside pictures (H, W), and the grounds that may
     enclose one inside the photo.
     """
@@ -389,7 +389,7 @@ def _inner_picture_from_corners(
     if len(sides) < 4 or not inner or broken > (len(inner) == 4):
         return None
     normals = np.array([[y, -x] for x, y in (side.direction for side in sides)])
-    corners = _crossings(normals, (normals * [side.point for side in sides]).sum(1))
+    corners = _line_intersections(normals, (normals * [side.point for side in sides]).sum(1))
     if corners is None:
         return None
     angles = np.degrees(np.arctan2(normals[:, 1], normals[:, 0]))
@@ -404,7 +404,7 @@ def _inner_picture_from_corners(
     )
 
 
-def _crossings(normals: FloatArray, offsets: FloatArray) -> FloatArray | None:
+def _line_intersections(normals: FloatArray, offsets: FloatArray) -> FloatArray | None:
     """Return where each of four lines crosses the one before, (4, 2), clockwise from the upper
     left; None if two are almost parallel.
 
@@ -456,7 +456,7 @@ def _line_at_side(
     return _Line(base, direction, share)
 
 
-def _rectangle_in(corners: FloatArray) -> Inside:
+def _inner_rectangle(corners: FloatArray) -> Inside:
     """Return the rows and columns inside four corners (4, 2), px."""
     rows, columns = (
         slice(math.ceil(values[1] - 1e-3), math.floor(values[2] + 1e-3))

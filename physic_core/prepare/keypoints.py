@@ -62,7 +62,7 @@ def corrected_keypoints(
     names = keypoints.joint_set.names
     given, missing = _without_unknown_joints(given, names)
     columns = [_column(joint, names) for joint in given.joint]
-    rows, strangers = _people_of(given, people)
+    rows, strangers = _match_people(given, people)
     points = np.array(keypoints.points)
     confidence = np.array(keypoints.confidence)
     world, sigma = (None if x is None else np.array(x) for x in (keypoints.world, keypoints.sigma))
@@ -84,7 +84,7 @@ def corrected_keypoints(
         if world is not None:
             world[person, [column, *with_it]] = np.nan
     corrected = replace(keypoints, points=points, confidence=confidence, world=world, sigma=sigma)
-    what = _what_changed(keypoints, corrected, changed, given.file_px_per_px)
+    what = _describe_changes(keypoints, corrected, changed, given.file_px_per_px)
     return corrected, changed, (*given.notes, *missing, what, *strangers)
 
 
@@ -154,7 +154,7 @@ def contradicted_keypoints(
     return off
 
 
-def _what_changed(
+def _describe_changes(
     before: Keypoints, after: Keypoints, changed: BoolArray, file_px_per_px: float
 ) -> str:
     """Return a note on how many keypoints the user changed (N, J), and on the one that moved
@@ -207,7 +207,7 @@ def _column(joint: str, names: Sequence[str]) -> int:
     )
 
 
-def _people_of(given: GivenKeypoints, people: People) -> tuple[dict[int, int], tuple[str, ...]]:
+def _match_people(given: GivenKeypoints, people: People) -> tuple[dict[int, int], tuple[str, ...]]:
     """Return number in the file -> person, and notes about annotations without a person.
 
     Annotations and people are matched one to one: most points of an annotation lie in the person's

@@ -47,8 +47,8 @@ def known_people(known: KnownSizes, count: int) -> KnownPeople:
     Raises:
         ConfigError: there are several statures or ages, but not one per person.
     """
-    years = _per_person(known.age, "age", count)
-    return KnownPeople(years, _per_person(known.stature, "stature", count))
+    years = _values_per_person(known.age, "age", count)
+    return KnownPeople(years, _values_per_person(known.stature, "stature", count))
 
 
 def expand_known(known: KnownPeople, rows: BoolArray) -> KnownPeople:
@@ -88,7 +88,7 @@ def with_people_of_masks(people: People, masks: BoolArray) -> People:
     )
 
 
-def _per_person(given: tuple[float, ...], name: str, count: int) -> FloatArray | None:
+def _values_per_person(given: tuple[float, ...], name: str, count: int) -> FloatArray | None:
     if not any(given):
         return None
     if len(given) > 1 and len(given) != count:
@@ -112,7 +112,7 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
     Raises:
         NoPersonError: no person is at a point or box, or two prompts select the same person.
     """
-    rows = _rows_at(people, prompt)
+    rows = _rows_of_prompt(people, prompt)
     for i, row in enumerate(rows):
         if row in rows[:i]:
             first = prompt.describe(rows.index(row))
@@ -166,11 +166,13 @@ def is_ignored_person(people: People, prompt: PeoplePrompt) -> BoolArray:
     Raises:
         NoPersonError: no person is at a point, box or mask.
     """
-    rows = _rows_at(people, prompt, prompt.masks)
+    rows = _rows_of_prompt(people, prompt, prompt.masks)
     return np.isin(np.arange(len(people)), rows)
 
 
-def _rows_at(people: People, prompt: PeoplePrompt, masks: BoolArray | None = None) -> list[int]:
+def _rows_of_prompt(
+    people: People, prompt: PeoplePrompt, masks: BoolArray | None = None
+) -> list[int]:
     """Return the rows of the people at the points, boxes and masks (M, H, W) of a prompt."""
     found = [person_at_point(people, point) for point in prompt.points]
     found += [person_in_box(people, box) for box in prompt.boxes]

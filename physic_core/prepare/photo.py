@@ -124,7 +124,7 @@ def prepare_photo(
     file_size = width, height
     of_whole = settings.distortion or settings.depth or settings.pointmap
     frame = Frame() if of_whole else find_frame(photo.image)
-    photo = _with_camera(_with_words_of_frame(photo, frame), settings)
+    photo = _with_camera(_with_frame_notes(photo, frame), settings)
     inside = frame.inside
     if inside is None:
         photo = limit_size(photo, settings.max_side)
@@ -138,8 +138,8 @@ def prepare_photo(
     if settings.keypoints is not None:
         keypoints = read_keypoints(settings.keypoints, *file_size, photo.name)
         keypoints = replace(keypoints, file_px_per_px=file_size[0] / photo.image.shape[1])
-    given = PreparedPhoto(photo, prompt, sizes, keypoints, bodies, masks)
-    prepared = _in_px_of_picture(given, file_size)
+    prepared_given = PreparedPhoto(photo, prompt, sizes, keypoints, bodies, masks)
+    prepared = _in_px_of_picture(prepared_given, file_size)
     if inside is not None:
         prepared = _without_border(prepared, inside, frame.note)
     elif settings.distortion is not None and photo.intrinsics is not None:
@@ -150,7 +150,7 @@ def prepare_photo(
     return replace(prepared, photo=photo)
 
 
-def _with_words_of_frame(photo: Photo, frame: Frame) -> Photo:
+def _with_frame_notes(photo: Photo, frame: Frame) -> Photo:
     """Return the photo with the warning of its frame, and without the camera of a file that shows a
     print.
     """
@@ -223,14 +223,14 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
     file_width, file_height = photo.file_size or (width, height)
     if settings.intrinsics is not None:
         _check_principal_point(settings.intrinsics, file_width, file_height)
-        given = Intrinsics(*settings.intrinsics, file_width, file_height, trust=CameraTrust.KNOWN)
+        stated = Intrinsics(*settings.intrinsics, file_width, file_height, trust=CameraTrust.KNOWN)
     elif settings.focal_px is not None:
-        given = Intrinsics.from_focal(
+        stated = Intrinsics.from_focal(
             settings.focal_px, file_width, file_height, trust=CameraTrust.KNOWN
         )
     else:
         return photo
-    return replace(photo, intrinsics=given.resized(width, height))
+    return replace(photo, intrinsics=stated.resized(width, height))
 
 
 def _check_principal_point(intrinsics: Sequence[float], width: int, height: int) -> None:
@@ -250,12 +250,12 @@ def _check_principal_point(intrinsics: Sequence[float], width: int, height: int)
         if not turned and abs(scale - 1) <= _OTHER_SIZE:
             return
         right = (fy, fx, cy, cx) if turned else (fx, fy, cx, cy)
-        here = ",".join(f"{value / scale:.0f}" for value in right)
+        suggested = ",".join(f"{value / scale:.0f}" for value in right)
         raise ConfigError(
             f"the principal point ({cx:g}, {cy:g}) is the center of a picture of about "
             f"{scale * w:.0f} x {scale * h:.0f} px{turned}, but the photo has {width} x {height} "
-            f"px: give the photo's intrinsics, about {here}; for a crop with this principal point, "
-            "pass Intrinsics in Python"
+            f"px: give the photo's intrinsics, about {suggested}; for a crop with this principal "
+            "point, pass Intrinsics in Python"
         )
 
 

@@ -114,7 +114,7 @@ class Observations(ShortRepr):
             getattr(blank, name)[rows] = value
         return replace(self, **{name: getattr(blank, name) for name in own})
 
-    def with_sides_exchanged(self, rows: BoolArray) -> Observations:
+    def with_swapped_sides(self, rows: BoolArray) -> Observations:
         """Return observations with left and right limbs exchanged of the people whom ``rows``,
         (N,) bool, selects.
         """

@@ -107,7 +107,7 @@ class Keypoints(ShortRepr):
         taken = {name: value[:, chosen] for name, value in per_person(self)}
         return Keypoints(skeleton=self.joint_set.take(chosen), **taken)
 
-    def facing_the_other_way(self, rows: BoolArray) -> Keypoints:
+    def mirrored_in_depth(self, rows: BoolArray) -> Keypoints:
         """Return keypoints of which those of the people whom ``rows``, (N,) bool, selects are of a
         body that looks the same in the picture and faces the other way: left and right are
         exchanged, and the depths of ``world`` reversed.
@@ -151,7 +151,7 @@ class UnposedPerson(ShortRepr):
         return self.reason.partition(":")[0]
 
     @property
-    def is_somebody_else(self) -> bool:
+    def is_another_person(self) -> bool:
         """Whether the box is no second one of a person with a body."""
         return self.kind != FOUND_TWICE
 
@@ -259,7 +259,7 @@ class SurfaceLabels(ShortRepr):
         return self.mask(*GROUND_SURFACES)
 
     @property
-    def shares_of_place(self) -> tuple[float, float]:
+    def outdoor_and_indoor_shares(self) -> tuple[float, float]:
         """Shares of the pixels with labels that are seen outdoors, and with those of rooms."""
         outdoors, indoors = (self.mask(*names).mean() for names in (_OUTDOORS, _INDOORS))
         return float(outdoors), float(indoors)

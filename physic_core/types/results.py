@@ -233,7 +233,7 @@ class Person(ShortRepr):
         """Joints whose angles are mostly a guess, such as "left_knee", since a part beside them is
         ``unseen``.
         """
-        joints: tuple[str, ...] = DOORS["joints_beside"]()(self.unseen)
+        joints: tuple[str, ...] = DOORS["joints_of_parts"]()(self.unseen)
         return joints
 
     @property
@@ -429,7 +429,7 @@ class Reconstruction(ShortRepr):
 
     def __repr__(self) -> str:
         people = len(self.people)
-        without = sum(one.is_somebody_else for one in self.unposed)
+        without = sum(one.is_another_person for one in self.unposed)
         warnings = len(self.warnings)
         sigma = self.scene.scale_sigma
         parts = (

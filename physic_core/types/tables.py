@@ -256,7 +256,7 @@ _PHOTO = (
     Column(
         "unposed",
         "number of people without a body, or left out; not second boxes of people with one",
-        lambda result: sum(one.is_somebody_else for one in result.unposed),
+        lambda result: sum(one.is_another_person for one in result.unposed),
     ),
     Column("bodies", "number of people with a finite body", lambda r: len(_distances(r))),
     Column(
@@ -349,10 +349,10 @@ def photo_row(result: Reconstruction) -> dict[str, Any]:
     for check in result.checks:
         by_name[check.name].append(check)
     values = {name: column.value(result) for name, column in SUMMARY_COLUMNS.items()}
-    return values | {f"check_{name}": _worst(group) for name, group in by_name.items()}
+    return values | {f"check_{name}": _worst_value(group) for name, group in by_name.items()}
 
 
-def _worst(checks: list[CheckResult]) -> float | None:
+def _worst_value(checks: list[CheckResult]) -> float | None:
     """Return the worst value of one check of several people; None if nothing was measured."""
     values = [check.value for check in checks if check.value is not None]
     worst = max if checks[0].direction == "at most" else min

@@ -18,7 +18,7 @@ from interrupted import Steps
 from physic_batch.journal import Journal, read_journals
 from physic_core.errors import OutputError
 from physic_core.files.atomic import atomic_write, is_part, write_own
-from physic_core.files.plain import write_value
+from physic_core.files.serialization import write_value
 from physic_core.io.result_folder import (
     add_result_files,
     digest_of,

@@ -47,7 +47,7 @@ def body(seed=0):
 
 def posed(parameters):
     """With every fourth vertex of the hands."""
-    ids = MODEL.on_parts("hand").nonzero()[::4, 0]
+    ids = MODEL.part_mask("hand").nonzero()[::4, 0]
     return MODEL(*pose_from_parameters(parameters), vertex_ids=ids)
 
 

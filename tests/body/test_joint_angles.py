@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.body.joint_angles import joint_angles, joints_beside
+from physic_core.body.joint_angles import joint_angles, joints_of_parts
 from physic_core.body.joints import JOINT_INDEX
 
 X, Y, Z = np.eye(3)  # left, up, forward
@@ -64,4 +64,4 @@ def test_a_person_without_a_body_has_no_angles():
 
 
 def test_joints_beside_what_is_unseen():
-    assert joints_beside(("left_lower_leg", "right_hand")) == ("left_knee", "left_ankle")
+    assert joints_of_parts(("left_lower_leg", "right_hand")) == ("left_knee", "left_ankle")

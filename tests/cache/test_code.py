@@ -11,7 +11,7 @@ import pytest
 
 from physic_core.cache import digests
 from physic_core.cache.digests import CodeDigester
-from physic_core.cache.kit_stamps import is_vouched_for, remember_passed, target_of
+from physic_core.cache.kit_stamps import has_passed_kit, remember_passed, target_of
 from physic_core.interfaces import MetricDepth
 
 pytestmark = pytest.mark.quick
@@ -271,17 +271,17 @@ def test_a_backend_is_vouched_for_until_what_its_results_depend_on_changes(site,
         places = {"file": str(named), "folder": "weights"}
         return kind(kind.Options(**places, **options))
 
-    assert not is_vouched_for(*asked)
+    assert not has_passed_kit(*asked)
     remember_passed("metric_depth", backend())
-    assert is_vouched_for(*asked)
-    assert is_vouched_for(*asked, backend())
-    assert not is_vouched_for("inpainter", *asked[1:], backend())
-    assert not is_vouched_for(*asked, backend(factor=2.0))
+    assert has_passed_kit(*asked)
+    assert has_passed_kit(*asked, backend())
+    assert not has_passed_kit("inpainter", *asked[1:], backend())
+    assert not has_passed_kit(*asked, backend(factor=2.0))
     for path in (named, site / "acme_models" / "__init__.py", site / "pack" / "fingerprint"):
         text = path.read_text()
         write(path, "#2")
-        assert not is_vouched_for(*asked, backend())
+        assert not has_passed_kit(*asked, backend())
         write(path, text)
-        assert is_vouched_for(*asked, backend())
+        assert has_passed_kit(*asked, backend())
     write(inside, "12")
-    assert not is_vouched_for(*asked, backend())
+    assert not has_passed_kit(*asked, backend())

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from physic_core.engine.ground.floor import FloorEvidence
-from physic_core.engine.photo import PhotoContent
+from physic_core.engine.photo_content import PhotoContent
 from physic_core.geometry.camera import pixel_rays
 from physic_core.geometry.rays import RayCaster
 from physic_core.types import Keypoints, Observations, People, Pointmap

@@ -18,7 +18,7 @@ from physic_core.engine.contact.distances import (
 from physic_core.engine.contact.partner import (
     HIDDEN,
     HIDDEN_SEAT,
-    SeenTouch,
+    TouchInPhoto,
     assign_partners,
     body_contacts,
 )
@@ -125,7 +125,7 @@ def partners(
     near = Distances(normals, surface, room or parts_of(*ROOM)[1], skin, skin)
     regions = ContactRegions(names, row(part)[0])
     kinds = torch.tensor([touched])
-    table, index = assign_partners(kinds, near, regions, UP, seen or SeenTouch())
+    table, index = assign_partners(kinds, near, regions, UP, seen or TouchInPhoto())
     return [table[i] if i != NO_PARTNER else None for i in index[0].tolist()]
 
 
@@ -201,7 +201,9 @@ def test_an_object_is_listed_with_the_probability_of_its_hand_that_no_pixel_show
     regions = ContactRegions(("left_hand",), torch.zeros(4, dtype=torch.int64))
     person = torch.zeros(4, dtype=torch.int64), torch.full((4,), 0.8), torch.full((4,), torch.nan)
     held = ContactPartner("object")
-    listed = body_contacts(*person, (held,), regions, assumed={"left_hand": 0.1}, least=0.5)
+    listed = body_contacts(
+        *person, (held,), regions, assumed={"left_hand": 0.1}, min_probability=0.5
+    )
     assert listed == (BodyContact("left_hand", held, 0.8, 4, assumed=True),)
 
 
@@ -215,7 +217,7 @@ def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not(
     person = index, likely, torch.full(index.shape, torch.nan), table, regions
     contacts = body_contacts(*person)
     assert [(one.part, one.partner.part) for one in contacts] == [("left_hand", "head")]
-    assert body_contacts(*person, least=0.61) == ()
+    assert body_contacts(*person, min_probability=0.61) == ()
 
 
 @pytest.mark.parametrize("height", [0.02, -0.01, -0.06, -0.14])

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from physic_core.engine.contact.method import ContactStageMethod
-from physic_core.engine.contact.probability import contact_part_masks, mean_of_surest
+from physic_core.engine.contact.probability import contact_part_masks, mean_of_largest
 from physic_core.engine.contact.solve import find_contact
 from physic_core.types import ContactPartner
 from physic_core.types.observations import LEAST_PROBABILITY
@@ -34,7 +34,9 @@ def touch(state):
     """Probability of contact with the scene: of the vertices (V,), and of each part."""
     method = replace(METHOD, people=False)
     found = method.find_touch(state, near_of(state, method))
-    return found.probability[0], {name: float(value) for name, value in found.parts.items()}
+    return found.probability[0], {
+        name: float(value) for name, value in found.part_probability.items()
+    }
 
 
 def contact(state):
@@ -75,7 +77,7 @@ def test_four_vertices_out_of_place_bring_no_part_near(person):
 def test_the_surest_vertices_have_the_probability_of_their_part(person):
     vertices, parts = touch(person)
     for name, chosen in contact_part_masks(person.model).items():
-        assert mean_of_surest(vertices[chosen]) == pytest.approx(parts[name], rel=1e-4)
+        assert mean_of_largest(vertices[chosen]) == pytest.approx(parts[name], rel=1e-4)
     foot = contact_part_masks(person.model)["left_foot"]
     height = person.vertices[0, foot, 1] + person.scene.floor.offset
     instep = (height > 0.04) & (height < 0.06)
@@ -98,7 +100,7 @@ def test_a_hand_that_holds_an_object_touches_it_and_nothing_of_the_world(person)
     [held] = [one for one in found.contacts[0] if one.partner.kind == "object"]
     assert held.part == "left_hand"
     assert held.probability > 0.8
-    assert found.parts["left_hand"] < 0.2
+    assert found.part_probability["left_hand"] < 0.2
     assert not any(one.partner.kind == "object" for one in found.supports[0].contacts)
 
 
@@ -150,7 +152,7 @@ def test_a_part_without_skin_that_faces_down_does_not_touch_what_it_is_far_from(
     moved = replace(person.joint, vertices=vertices, joints=person.joints @ axes.T)
     lies = with_touch(replace(person, joint=moved), **{part: ("world", 0.9)})
     found = contact(with_scene(lies, floor_offset=-float(vertices[0, :, 1].min())))
-    assert float(found.parts[part]) < LEAST_PROBABILITY
+    assert float(found.part_probability[part]) < LEAST_PROBABILITY
     assert part not in {one.part for one in found.contacts[0]}
 
 
@@ -174,10 +176,10 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
             seat=("world", 0.98),
         )
     )
-    assert set(found.parts) == set(contact_part_masks(body))
+    assert set(found.part_probability) == set(contact_part_masks(body))
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}
-    assert LEAST_PROBABILITY <= float(found.parts["seat"]) < 1
-    assert all(float(found.parts[f"{side}_hand"]) < LEAST_PROBABILITY for side in SIDES)
+    assert LEAST_PROBABILITY <= float(found.part_probability["seat"]) < 1
+    assert all(float(found.part_probability[f"{side}_hand"]) < LEAST_PROBABILITY for side in SIDES)
 
 
 def cut_at_the_knees(given):
@@ -194,12 +196,15 @@ def test_contacts_of_limbs_that_no_pixel_shows_are_listed_as_assumed(person):
     assert len(feet) == 2
     assert all(one.assumed for one in feet)
     assert [one.probability for one in feet] == pytest.approx(
-        [float(cut.parts["left_foot"][0])] * 2, abs=1e-4
+        [float(cut.part_probability["left_foot"][0])] * 2, abs=1e-4
     )
     vertices = cut.probability[0, contact_part_masks(person.model)["left_foot"]]
-    assert vertices.max() <= cut.parts["left_foot"][0] + 0.02
+    assert vertices.max() <= cut.part_probability["left_foot"][0] + 0.02
 
 
 def test_unseen_hands_hold_nothing(person):
     gone = without_joints(person, "wrist")
-    assert all(float(contact(gone).parts[f"{side}_hand"][0]) < LEAST_PROBABILITY for side in SIDES)
+    assert all(
+        float(contact(gone).part_probability[f"{side}_hand"][0]) < LEAST_PROBABILITY
+        for side in SIDES
+    )

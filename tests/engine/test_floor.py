@@ -13,9 +13,9 @@ from torch.nn.functional import normalize
 
 from physic_core.engine.ground.floor import (
     GroundAtSoles,
-    best_index,
-    chosen_floor,
+    describe_floor,
     floor_candidates,
+    index_of_best,
 )
 from physic_core.engine.up import angle_deg
 from physic_core.geometry import floor
@@ -54,7 +54,7 @@ def fit_floor(depth, *, every=1, surfaces=False, **evidence):
     normals = pointmap_normals(points, valid) if surfaces else torch.zeros_like(points)
     evidence = evidence_of(valid.shape, **evidence)
     candidates = floor_candidates(points, valid, evidence, normals)
-    return chosen_floor(candidates, best_index(candidates), evidence)
+    return describe_floor(candidates, index_of_best(candidates), evidence)
 
 
 NOISE = normal(ROWS, COLUMNS)

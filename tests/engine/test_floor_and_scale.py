@@ -13,7 +13,6 @@ import torch
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import parameters_from_rotations
-from physic_core.engine.ground.beside import feet_pixels
 from physic_core.engine.ground.floor import (
     FloorCandidate,
 )
@@ -22,6 +21,7 @@ from physic_core.engine.ground.floor_and_scale import (
     floor_evidence,
     scene_floor_candidates,
 )
+from physic_core.engine.ground.ground_near_people import feet_pixels
 from physic_core.engine.ground.stance import Stance
 from physic_core.engine.sizes.evidence import depth_witness
 from physic_core.engine.sizes.scale_vote import Witnesses, scaled_depth

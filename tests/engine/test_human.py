@@ -13,7 +13,7 @@ import torch
 from torch.testing import assert_close
 
 from physic_core import engine_preset
-from physic_core.engine.photo import PixelPoints
+from physic_core.engine.photo_content import PixelPoints
 from physic_core.engine.placement.solve import (
     align_photo_points_to_scene,
     human_points,

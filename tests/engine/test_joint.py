@@ -15,7 +15,7 @@ from physic_core.body import JOINT_INDEX
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.method import JointStageMethod
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.joint.terms.scene import lowest_height
+from physic_core.engine.joint.terms.scene_contact import lowest_height
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_core.geometry.rotvecs import rotvec_to_rotmat

@@ -14,7 +14,7 @@ import torch
 from physic_core import engine_preset
 from physic_core.engine.ground.stance import Stance
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.photo import PixelPoints
+from physic_core.engine.photo_content import PixelPoints
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.sizes.known_sizes import LocatedDistances, LocatedSizes, scale_scene
 from physic_core.types import Observations

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from physic_core.engine.ground.posture import (
-    is_back_taken_for_front,
     is_upright,
+    seems_reversed,
     weigh_posture,
 )
 from physic_core.types import SKELETONS, Keypoints, Observations
@@ -104,4 +104,4 @@ def test_a_back_is_taken_for_a_front_where_3d_keypoints_surely_contradict_the_ob
                 world[0, NAMES.index(f"{side}_{joint}")] = sign * np.array(way)
         keypoints = replace(keypoints, world=world)
     said = replace(Observations.unknown(1), away=np.array([away], np.float32), away_share=0.15)
-    assert is_back_taken_for_front(said, keypoints).tolist() == [found]
+    assert seems_reversed(said, keypoints).tolist() == [found]

@@ -12,9 +12,9 @@ from torch.nn.functional import normalize
 from torch.testing import assert_close
 
 from physic_core import engine_preset
-from physic_core.engine.ground.floor import best_index, chosen_floor
+from physic_core.engine.ground.floor import describe_floor, index_of_best
 from physic_core.engine.ground.floor_and_scale import scene_floor_candidates
-from physic_core.engine.photo import PixelPoints
+from physic_core.engine.photo_content import PixelPoints
 from physic_core.engine.scene.method import Cameras, SceneStageMethod
 from physic_core.engine.scene.solve import build_scene
 from physic_core.engine.up import angle_deg
@@ -88,7 +88,7 @@ def scene(
     evidence = evidence_of(ALL.shape, mask=mask, feet_px=feet_px)
     relative = PixelPoints(points, ALL, unknown)
     candidates = scene_floor_candidates(relative, evidence)
-    found = chosen_floor(candidates, best_index(candidates), evidence)
+    found = describe_floor(candidates, index_of_best(candidates), evidence)
     evidence = replace(evidence, found=found)
     cameras = cameras or Cameras(metric_depth=K)
     return build_scene(relative, depth, cameras, evidence, settings or SceneStageMethod())

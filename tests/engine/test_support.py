@@ -59,14 +59,14 @@ def support(make_stage):
         height=0.0,
     ):
         model, vertices, normals = posed(tuple(bends.items()))
-        contact = model.in_contact_sets(*touching)
+        contact = model.contact_set_mask(*touching)
         if chosen is not None:
             contact |= chosen(model, normals)
         person = PersonContact(
             vertices,
             normals,
             contact,
-            ~model.in_contact_sets(*unseen),
+            ~model.contact_set_mask(*unseen),
             feet=torch.tensor([feet] * 2),
             sits=sits,
             lies=lies,
@@ -130,7 +130,7 @@ def test_state_and_hidden_support_of(support, name):
     model, _, found = support(bends, touching, **known)
     assert found.state == state
     assert found.hidden.any() == bool(hidden)
-    assert not (found.hidden & ~model.in_contact_sets(*hidden)).any()
+    assert not (found.hidden & ~model.contact_set_mask(*hidden)).any()
     if state in ("balanced", "unsteady"):
         assert found.outside_m < 0.12
     assert math.isinf(found.outside_m) == (not touching and not hidden)
@@ -148,7 +148,7 @@ def test_what_carries_a_person_who_lies_is_under_seat_and_back_and_no_seat(suppo
     model, _, found = support({}, sits=True, lies=True, up=torch.tensor([0.0, 0.0, -1.0]))
     assert found.state == "assumed"
     assert not found.seat.any()
-    assert all((found.hidden & model.in_contact_sets(part)).any() for part in ("back", "gluteus"))
+    assert all((found.hidden & model.contact_set_mask(part)).any() for part in ("back", "gluteus"))
 
 
 def test_a_hidden_handhold_is_in_the_whole_hand_and_a_seat_in_contact_is_a_seat(support):
@@ -163,7 +163,7 @@ def few(mask, count):
 
 def test_a_few_vertices_or_the_sides_of_thighs_are_no_seat(support):
     def chosen(model, normals):
-        under = model.in_contact_sets(*SEAT)
+        under = model.contact_set_mask(*SEAT)
         return few(under & (normals @ UP < -0.5), 5) | (under & (normals @ UP > -0.1))
 
     _, person, found = support(SITS, SOLES, chosen, sits=True)

@@ -10,8 +10,8 @@ from torch.testing import assert_close
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.sampling import root_relative
-from physic_core.engine.joint.terms.body import hinge_angles, limit_energy
-from physic_core.engine.joint.terms.scene import lowest_height
+from physic_core.engine.joint.terms.priors import hinge_angles, limit_energy
+from physic_core.engine.joint.terms.scene_contact import lowest_height
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_paper.terms.point_penetration import point_penetration_energy
 

@@ -11,7 +11,7 @@ from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.joint.terms import picture
+from physic_core.engine.joint.terms import reprojection_and_depth
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
 
 from .adjusted import (
@@ -44,7 +44,7 @@ def sole_height(state):
 
 
 def test_an_unseen_foot_that_hovers_comes_down(standing, monkeypatch):
-    monkeypatch.setattr(picture, "INVISIBLE_WEIGHT", 0.0)
+    monkeypatch.setattr(reprojection_and_depth, "INVISIBLE_WEIGHT", 0.0)
     state = lifted(standing, 0.06)
     assert 0.03 < sole_height(with_result(state, posed(state))) < 0.1
     free = adjusted(SETTINGS, soles__unseen_weight=0.0)

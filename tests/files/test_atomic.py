@@ -23,7 +23,7 @@ from physic_core.files.atomic import (
     open_to_append,
     read_regular,
 )
-from physic_core.files.plain import read_value, write_value
+from physic_core.files.serialization import read_value, write_value
 
 pytestmark = [
     pytest.mark.quick,

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from physic_core.files.plain import DamagedFileError, join, read_value, split, write_value
+from physic_core.files.serialization import DamagedFileError, join, read_value, split, write_value
 from physic_core.types.arrays import shape
 
 pytestmark = pytest.mark.quick

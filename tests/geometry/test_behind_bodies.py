@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.testing import assert_close
 
-from physic_core.geometry.visibility import move_behind_bodies
+from physic_core.geometry.visibility import move_out_of_bodies
 
 pytestmark = pytest.mark.quick
 
@@ -43,7 +43,7 @@ def points(seed, count=400):
 @settings(max_examples=5, deadline=None)
 def test_points_inside_a_body_move_behind_it_along_the_ray_and_the_rest_stays(seed):
     before = points(seed)
-    after, moved = move_behind_bodies(before, BODY, FACES, nowhere(before), 1.0)
+    after, moved = move_out_of_bodies(before, BODY, FACES, nowhere(before), 1.0)
     off = (before - CENTRE).norm(dim=-1)
     sure = (off - RADIUS).abs() > 1e-3  # the mesh is a millimetre off the ball
     assert torch.equal(moved[sure], (off < RADIUS)[sure])
@@ -57,7 +57,7 @@ def test_points_inside_a_body_move_behind_it_along_the_ray_and_the_rest_stays(se
 def test_out_of_one_body_and_into_the_next_is_out_of_both():
     both = torch.stack([ball(0.0, 0.0, 3.3), ball(0.0, 0.0, 3.0)])
     inside = torch.tensor([[0.0, 0.0, 2.9]], dtype=torch.float64)
-    after, moved = move_behind_bodies(inside, both, FACES, nowhere(inside, 2), 1.0)
+    after, moved = move_out_of_bodies(inside, both, FACES, nowhere(inside, 2), 1.0)
     assert moved.all()
     assert after[0, 2].item() == pytest.approx(3.3 + RADIUS, abs=2e-3)
 
@@ -69,7 +69,7 @@ def test_what_hides_a_body_that_the_photo_shows_moves_behind_it():
     nearest = rays * (rays @ CENTRE / rays.square().sum(-1))[:, None]
     off = (nearest - CENTRE).norm(dim=-1)
     sure = (off - RADIUS).abs() > 5e-3  # at the rim a ray may miss the mesh
-    after, moved = move_behind_bodies(before, BODY, FACES, shown[None], 2.0)
+    after, moved = move_out_of_bodies(before, BODY, FACES, shown[None], 2.0)
     assert torch.equal(moved[sure], ((off < RADIUS) & shown)[sure])
     assert torch.equal(after[~moved], before[~moved])
     assert ((after[moved] - CENTRE).norm(dim=-1) - RADIUS).abs().max() < 5e-3

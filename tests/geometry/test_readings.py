@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.geometry.readings import SURELY, compare_depth, turned_masks
+from physic_core.geometry.depth_comparison import SURELY, compare_depth, turned_masks
 from physic_core.types import Intrinsics, Pointmap
 
 MASKS = np.zeros((2, 120, 160), bool)

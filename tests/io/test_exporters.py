@@ -15,7 +15,7 @@ from physic_core import Reconstruction, find_exporter
 from physic_core.errors import ConfigError, InputError, PackageMissingError, PluginError
 from physic_core.export import camera_pose, export_frame
 from physic_core.files import has_mark
-from physic_core.geometry.upright import transform_points
+from physic_core.geometry.world_frame import transform_points
 
 PLUGIN = """
 from physic_core import ExporterRecord, hookimpl

@@ -11,7 +11,7 @@ import pytest
 from physic_core import reconstruct
 from physic_core.configuration.model import PhotoSettings
 from physic_core.io.photo import Photo
-from physic_core.prepare.border import find_inside
+from physic_core.prepare.border import find_border
 from physic_core.prepare.photo import prepare_photo
 from physic_core.types import Intrinsics, KnownLength, KnownSizes, PeoplePrompt
 from physic_testing.worlds import load_world
@@ -42,8 +42,8 @@ def with_border(image, name):
 @pytest.mark.parametrize("name", BORDERS)
 def test_a_border_is_found_also_in_a_jpeg(name):
     whole, inside = with_border(textured(240, 320), name)
-    assert find_inside(whole) == inside
-    found = find_inside(as_jpeg(whole))
+    assert find_border(whole) == inside
+    found = find_border(as_jpeg(whole))
     for part, true in zip(found, inside, strict=True):
         assert (part.start, part.stop) == pytest.approx((true.start, true.stop), abs=1)
 
@@ -51,8 +51,8 @@ def test_a_border_is_found_also_in_a_jpeg(name):
 def test_a_frame_of_one_pixel_is_cut_and_a_line_at_one_side_is_not():
     photo = textured(240, 320)
     framed = np.pad(photo, ((1, 1), (1, 1), (0, 0)))
-    assert find_inside(framed) == (slice(1, 241), slice(1, 321))
-    assert find_inside(framed[:, :-1]) is None
+    assert find_border(framed) == (slice(1, 241), slice(1, 321))
+    assert find_border(framed[:, :-1]) is None
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -66,14 +66,14 @@ def test_a_person_on_plain_ground_is_not_cut(ground, seed):
     cv2.rectangle(person, (180 - shoulders, top + 90), (180 + shoulders, 480), 255, -1)
     share = cv2.GaussianBlur(person, (0, 0), 2)[..., None] / 255
     photo = (share * textured(480, 360, seed) + (1 - share) * ground).astype(np.uint8)
-    assert find_inside(photo) is None
-    assert find_inside(as_jpeg(photo)) is None
+    assert find_border(photo) is None
+    assert find_border(as_jpeg(photo)) is None
 
 
 def test_a_sky_over_a_straight_horizon_is_not_cut():
     photo = textured(240, 320)
     photo[:60] = 225 + np.random.default_rng(0).integers(-12, 13, (60, 320, 1))
-    assert find_inside(photo) is None
+    assert find_border(photo) is None
 
 
 def test_the_users_pixels_are_those_of_the_whole_photo():
@@ -125,4 +125,4 @@ def test_a_result_is_that_of_the_picture_inside_in_px_of_the_whole(plain, name):
 def test_a_plain_picture_with_a_few_other_rows_at_its_end_is_no_border():
     photo = np.full((240, 320, 3), 20, np.uint8)
     photo[-5:] = textured(240, 320)[-5:]
-    assert find_inside(photo) is None
+    assert find_border(photo) is None

@@ -12,7 +12,7 @@ from PIL import Image
 
 from physic_core.configuration.model import PhotoSettings
 from physic_core.io.photo import Photo
-from physic_core.prepare.frame import find_frame, plain_ground
+from physic_core.prepare.frame import find_frame, smooth_background
 from physic_core.prepare.photo import prepare_photo
 from physic_core.types import Intrinsics
 from tests.pipeline.pictures import as_jpeg, textured
@@ -221,7 +221,7 @@ def test_photos_of_the_examples_have_no_frame(photo):
 def test_a_plain_ground_is_what_reaches_the_edge_in_one_colour(ground):
     photo = np.full((HEIGHT, WIDTH, 3), ground, np.uint8)
     photo[100:, 200:440] = picture()[100:, 200:440]
-    found = plain_ground(noisy(photo, 1))
+    found = smooth_background(noisy(photo, 1))
     wanted = np.ones((HEIGHT, WIDTH), bool)
     wanted[100:, 200:440] = False
     assert (found == wanted).mean() > 0.98
@@ -229,10 +229,10 @@ def test_a_plain_ground_is_what_reaches_the_edge_in_one_colour(ground):
 
 def test_a_shaded_wall_and_a_small_sky_are_no_plain_ground():
     wall = np.linspace(150, 220, WIDTH)[None, :, None] * np.ones((HEIGHT, 1, 3))
-    assert plain_ground(noisy(wall, 2)) is None
+    assert smooth_background(noisy(wall, 2)) is None
     sky = picture()
     sky[:100] = 255
-    assert plain_ground(sky) is None
+    assert smooth_background(sky) is None
 
 
 def warnings_of(image):

@@ -53,7 +53,7 @@ class Fronts(backends.MockKeypointDetector):
     """It takes the back of the world's person for a front."""
 
     def infer(self, image, people):
-        found = super().infer(image, people).facing_the_other_way(np.array([True]))
+        found = super().infer(image, people).mirrored_in_depth(np.array([True]))
         return replace(found, world=np.pad(found.points / 100, ((0, 0), (0, 0), (0, 1))))
 
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from physic_core.body import load_body
-from physic_core.geometry.visibility import move_behind_bodies
+from physic_core.geometry.visibility import move_out_of_bodies
 from physic_testing.worlds import load_world
 from tests.pipeline.mocks import run
 
@@ -29,7 +29,7 @@ def test_inpainted_scene_lies_in_no_body_and_visible_scene_stays():
         flags = np.zeros(valid.shape, bool)
         points = torch.from_numpy(scene_of.scene.points[valid])
         masks = torch.from_numpy(np.stack([p.mask[valid] for p in result.people]))
-        flags[valid] = move_behind_bodies(points, bodies, body.faces, masks, 0.4)[1].numpy()
+        flags[valid] = move_out_of_bodies(points, bodies, body.faces, masks, 0.4)[1].numpy()
         return flags
 
     moved = (result.scene.points != plain.scene.points).any(-1)

@@ -50,7 +50,7 @@ def test_evidence_of_a_posture_is_the_log_of_its_ratio_to_the_share():
 def test_left_and_right_limbs_of_some_people_change_places():
     touch = np.tile(np.arange(10.0)[:, None], (2, 1, 5))
     said = replace(UNKNOWN, touch=touch, on_floor=touch[:, 2:4, 0])
-    found = said.with_sides_exchanged(np.array([False, True]))
+    found = said.with_swapped_sides(np.array([False, True]))
     assert found.touch[0, :, 0].tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]
     assert found.touch[1, :, 0].tolist() == [1, 0, 3, 2, 4, 6, 5, 8, 7, 9]
     assert found.on_floor.tolist() == [[2, 3], [3, 2]]

@@ -240,7 +240,7 @@ def run(
     folder = out or Path(f"{photo.stem}-physic")
     cached = plan.config.run.cache
     with (
-        _telling_what_is_kept(folder, cached=cached),
+        _report_kept_files(folder, cached=cached),
         reserve_folder(folder, file_digest(photo), overwrite=overwrite),
     ):
         from physic_core.pipeline.run import reconstruct
@@ -271,7 +271,7 @@ def run(
 
 
 @contextmanager
-def _telling_what_is_kept(folder: Path, *, cached: bool) -> Iterator[None]:
+def _report_kept_files(folder: Path, *, cached: bool) -> Iterator[None]:
     """Inside the block, Ctrl-C says what it leaves in the folder and in the cache."""
     try:
         yield

@@ -21,7 +21,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.parts import SceneParts
-from physic_core.engine.whom import Meeting
+from physic_core.engine.skin_contact import SkinContact
 from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.neighbors import NearestPointSearch
 
@@ -134,17 +134,17 @@ class SkinDistances:
     vertex: Tensor
 
     @staticmethod
-    def of_meetings(vertices: Tensor, meetings: Iterable[Meeting]) -> SkinDistances:
+    def of_contacts(vertices: Tensor, skin_contacts: Iterable[SkinContact]) -> SkinDistances:
         """Return the distances of vertices (N, V, 3) that meet skin."""
         distance = torch.full_like(vertices[..., 0], torch.inf)
         person, vertex = torch.zeros(2, *distance.shape, dtype=torch.int64, device=distance.device)
-        for one in meetings:
-            for i, own, j, other in (
-                (one.other, one.other_skin, one.person, one.on_own),
-                (one.person, one.skin, one.other, one.on_other),
+        for contact in skin_contacts:
+            for i, skin, j, other_skin in (
+                (contact.other, contact.other_skin, contact.person, contact.on_own),
+                (contact.person, contact.skin, contact.other, contact.on_other),
             ):
-                distance[i, own] = (vertices[i, own] - vertices[j, other]).norm(dim=-1)
-                person[i, own], vertex[i, own] = j, other
+                distance[i, skin] = (vertices[i, skin] - vertices[j, other_skin]).norm(dim=-1)
+                person[i, skin], vertex[i, skin] = j, other_skin
         return SkinDistances(distance, person, vertex)
 
 
@@ -159,7 +159,7 @@ class Distances:
         parts: of the scene's points, which ``surface.point`` indexes.
         people: to the skin of other people that they meet.
         own: to the skin of other parts of the same body that they meet.
-        meetings: of parts that touch skin by the observer.
+        skin_contacts: of parts that touch skin by the observer.
     """
 
     normals: Tensor
@@ -167,7 +167,7 @@ class Distances:
     parts: SceneParts
     people: SkinDistances
     own: SkinDistances
-    meetings: tuple[Meeting, ...] = ()
+    skin_contacts: tuple[SkinContact, ...] = ()
 
     @property
     def nearest_is_ground(self) -> Tensor:

@@ -17,11 +17,11 @@ from physic_core.engine.contact.distances import (
 )
 from physic_core.engine.contact.probability import (
     held_object_probability,
-    near_scene,
     scene_contact_probability,
-    share_of_part,
+    scene_proximity,
     skin_contact_probability,
     values_by_vertex,
+    vertex_shares,
 )
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 from physic_core.geometry.visibility import front_depth, in_free_space
@@ -44,15 +44,15 @@ class Touch:
         kind: (N, V) int64, index into ``KINDS``; -1 without contact.
         probability: (N, V) of contact with what ``kind`` says, and with scene or floor without;
             None if the method estimates none.
-        parts: body part -> (N,) probability that it touches scene or floor; empty if the method
-            estimates none. See :mod:`physic_core.engine.contact.probability`.
+        part_probability: body part -> (N,) probability that it touches scene or floor; empty if
+            the method estimates none. See :mod:`physic_core.engine.contact.probability`.
         gaps: body part -> (N,) its distance from the nearest surface, metres; inf beyond the radius
             of the search.
     """
 
     kind: Tensor
     probability: Tensor | None
-    parts: Mapping[str, Tensor] = field(default_factory=dict)
+    part_probability: Mapping[str, Tensor] = field(default_factory=dict)
     gaps: Mapping[str, Tensor] = field(default_factory=dict)
 
 
@@ -77,10 +77,10 @@ class ContactStageMethod:
         plane of the floor.
         """
         points = around.points * scale
-        near = inside_body_boxes(points, vertices, SEARCH_RADIUS_M)
-        scene = NearestPointSearch(points[near], around.normals[near], SEARCH_RADIUS_M)
+        is_near = inside_body_boxes(points, vertices, SEARCH_RADIUS_M)
+        scene = NearestPointSearch(points[is_near], around.normals[is_near], SEARCH_RADIUS_M)
         floor = around.floor and around.floor.scaled(scale)
-        return ContactSurfaces(scene, near.nonzero(as_tuple=True)[0], floor)
+        return ContactSurfaces(scene, is_near.nonzero(as_tuple=True)[0], floor)
 
     def free_vertices(self, state: State) -> Tensor | None:
         """Return the vertices (N, V) bool in space that the photo shows to be free; None if the
@@ -95,9 +95,11 @@ class ContactStageMethod:
         It is measured along the normal of the nearest point, with the lateral distance beyond the
         rim of a surface.
         """
-        along = (normals * offsets).sum(-1)
-        beside = (offsets - along[..., None] * normals).norm(dim=-1)
-        plane = torch.sqrt(along.square() + torch.relu(beside - _POINT_SPACING_M).square())
+        normal_distance = (normals * offsets).sum(-1)
+        lateral = (offsets - normal_distance[..., None] * normals).norm(dim=-1)
+        plane = torch.sqrt(
+            normal_distance.square() + torch.relu(lateral - _POINT_SPACING_M).square()
+        )
         return torch.where(normals.square().sum(-1) > 0.5, plane, distance)
 
     def find_touch(self, state: State, near: Distances) -> Touch:
@@ -106,18 +108,23 @@ class ContactStageMethod:
         A vertex touches only what its body part touches, of the scene nothing farther than a hand's
         breadth.
         """
-        at = near_scene(state, near)
-        parts = scene_contact_probability(state, at)
-        of_parts = values_by_vertex(state.model, parts)
-        on_scene = of_parts * share_of_part(state.model, at)
+        proximity = scene_proximity(state, near)
+        part_probability = scene_contact_probability(state, proximity)
+        by_part = values_by_vertex(state.model, part_probability)
+        on_scene = by_part * vertex_shares(state.model, proximity)
         on_skin = skin_contact_probability(near).to(on_scene)
-        held = held_object_probability(state)[None]
-        probabilities = torch.cat([on_scene[None], on_skin, held])
-        sure = torch.cat([of_parts[None], on_skin, held]) >= LEAST_PROBABILITY
-        sure[0] &= near.surface.nearest <= HAND_BREADTH_M
-        sure &= state.model.outer & state.finite_people[:, None]
-        rank = torch.where(sure, probabilities, -1.0)
+        on_object = held_object_probability(state)[None]
+        probabilities = torch.cat([on_scene[None], on_skin, on_object])
+        possible = torch.cat([by_part[None], on_skin, on_object]) >= LEAST_PROBABILITY
+        possible[0] &= near.surface.nearest <= HAND_BREADTH_M
+        possible &= state.model.outer & state.finite_people[:, None]
+        rank = torch.where(possible, probabilities, -1.0)
         touches = rank.amax(0) >= self.threshold
-        likely = torch.where(touches, rank.amax(0), on_scene.nan_to_num())
+        probability = torch.where(touches, rank.amax(0), on_scene.nan_to_num())
         kind = torch.where(touches, rank.argmax(0), -1)
-        return Touch(kind, likely, parts, gaps=dict(zip(parts, at.gap.T, strict=True)))
+        return Touch(
+            kind,
+            probability,
+            part_probability,
+            gaps=dict(zip(part_probability, proximity.gap.T, strict=True)),
+        )

@@ -19,8 +19,8 @@ from physic_core.engine.contact.distances import (
     Distances,
 )
 from physic_core.engine.contact.parts import FACES_UP, SAT_ON, UPRIGHT_CLASSES
-from physic_core.engine.contact.picture import PeopleInPicture
-from physic_core.engine.contact.probability import mean_of_surest
+from physic_core.engine.contact.probability import mean_of_largest
+from physic_core.engine.contact.surface_in_photo import PeopleInPhoto
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 from physic_core.types.observations import LEAST_PROBABILITY
 from physic_core.types.people import GROUND_SURFACES
@@ -43,7 +43,7 @@ _GROUND_M = 0.05  # height over the floor of feet that stand on it: its error an
 
 
 @dataclass(frozen=True)
-class SeenTouch:
+class TouchInPhoto:
     """What is seen of what N people touch.
 
     Attributes:
@@ -56,7 +56,7 @@ class SeenTouch:
 
     carriers: Sequence[tuple[str, Tensor]] = ()
     foot_floor_probability: Tensor | None = None
-    picture: PeopleInPicture | None = None
+    picture: PeopleInPhoto | None = None
     has_floor: bool = True
 
     @property
@@ -66,7 +66,7 @@ class SeenTouch:
 
 
 def assign_partners(
-    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, seen: SeenTouch
+    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, photo_touch: TouchInPhoto
 ) -> tuple[tuple[ContactPartner, ...], Tensor]:
     """Name the partner of each contact vertex.
 
@@ -84,7 +84,7 @@ def assign_partners(
         near: distances to all of these.
         regions: body parts.
         up: (3,) unit.
-        seen: of what people touch.
+        photo_touch: what the photo shows of it.
 
     Returns:
         All partners, and the index (N, V) int16 of each vertex's; :data:`NO_PARTNER` without
@@ -92,46 +92,50 @@ def assign_partners(
     """
     index = torch.full(touched.shape, NO_PARTNER, dtype=torch.int16, device=touched.device)
     numbers: dict[ContactPartner, int] = {}
-    for rows, partner in _partners(touched, near, regions, up, seen):
+    for rows, partner in _partner_candidates(touched, near, regions, up, photo_touch):
         rows = rows & (index == NO_PARTNER)
         if bool(rows.any()):
             index[rows] = numbers.setdefault(partner, len(numbers))
     return tuple(numbers), index
 
 
-def _partners(
-    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, seen: SeenTouch
+def _partner_candidates(
+    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, photo_touch: TouchInPhoto
 ) -> Iterator[tuple[Tensor, ContactPartner]]:
     """Yield the vertices (N, V) bool of each partner; there may be none, and the first counts: what
     is known of a limb before what its place says, and names before partners without one.
     """
     on_scene = touched == KINDS.index("scene")
     hidden = touched >= HIDDEN
-    foot_on_floor, foot_elsewhere = _feet_on_floor(near, regions, seen.foot_floor_probability)
+    foot_on_floor, foot_elsewhere = _feet_on_floor(
+        near, regions, photo_touch.foot_floor_probability
+    )
     # Feet on the floor: before carriers, since a rider may put a foot down.
-    yield (on_scene | hidden) & foot_on_floor, seen.floor
+    yield (on_scene | hidden) & foot_on_floor, photo_touch.floor
     # Carriers: before the floor and surfaces, whose points near a limb may be the carrier's.
-    for number, (name, carried) in enumerate(seen.carriers):
+    for number, (name, carried) in enumerate(photo_touch.carriers):
         yield carried & on_scene, ContactPartner("scene", name, id=number)
         yield carried & hidden, ContactPartner("hidden", name, id=number)
     # The floor: before other surfaces, of which the ground is none.
     on_ground = near.surface.floor_is_nearer | near.nearest_is_ground
-    yield on_scene & on_ground & ~foot_elsewhere, seen.floor
+    yield on_scene & on_ground & ~foot_elsewhere, photo_touch.floor
     # Surfaces: of what is left of the scene, all but feet on ground that is not theirs.
-    yield from _surfaces(on_scene & ~on_ground, near, regions, up, len(seen.carriers))
-    yield from _skin(touched, near, regions)
+    yield from _surface_partners(
+        on_scene & ~on_ground, near, regions, up, len(photo_touch.carriers)
+    )
+    yield from _skin_partners(touched, near, regions)
     yield touched == KINDS.index("object"), ContactPartner("object")
     # The picture's names: before those without a name below.
-    if seen.picture is not None:
+    if photo_touch.picture is not None:
         unmeasured = hidden | (on_scene & foot_elsewhere)
-        yield from _in_picture(unmeasured, regions, foot_elsewhere, seen)
+        yield from _partners_in_photo(unmeasured, regions, foot_elsewhere, photo_touch)
     yield touched == HIDDEN_SEAT, ContactPartner("hidden", "seat")
     # The rest: hidden, and feet on the scene that are not on the floor.
     yield hidden, ContactPartner("hidden")
     yield on_scene, ContactPartner("scene")
 
 
-def _skin(
+def _skin_partners(
     touched: Tensor, near: Distances, regions: ContactRegions
 ) -> Iterator[tuple[Tensor, ContactPartner]]:
     """Yield the vertices (N, V) bool of each body part of people that skin touches."""
@@ -139,18 +143,18 @@ def _skin(
         on_skin = touched == KINDS.index(kind)
         person = skin.person if kind == "person" else torch.zeros_like(skin.person)
         pair = person * len(regions.names) + regions.region[skin.vertex]
-        for code in torch.unique(pair[on_skin]).tolist():
-            other, part = divmod(code, len(regions.names))
-            whose = (
+        for region_code in torch.unique(pair[on_skin]).tolist():
+            other, part = divmod(region_code, len(regions.names))
+            partner = (
                 ContactPartner("person", person=other)
                 if kind == "person"
                 else ContactPartner("self")
             )
-            yield on_skin & (pair == code), replace(whose, part=regions.names[part])
+            yield on_skin & (pair == region_code), replace(partner, part=regions.names[part])
 
 
-def _in_picture(
-    unmeasured: Tensor, regions: ContactRegions, foot_elsewhere: Tensor, seen: SeenTouch
+def _partners_in_photo(
+    unmeasured: Tensor, regions: ContactRegions, foot_elsewhere: Tensor, photo_touch: TouchInPhoto
 ) -> Iterator[tuple[Tensor, ContactPartner]]:
     """Yield the vertices (N, V) bool of each partner that the picture shows.
 
@@ -158,26 +162,26 @@ def _in_picture(
         unmeasured: (N, V) bool, skin that touches what the scene has no surface of.
         regions: body parts.
         foot_elsewhere: (N, V) bool, feet that are not on the floor.
-        seen: with the picture.
+        photo_touch: with the photo.
     """
-    picture = seen.picture
+    picture = photo_touch.picture
     assert picture is not None
     unmeasured = unmeasured & picture.shown
     for number, part in enumerate(regions.names):
-        own = unmeasured & (regions.region == number)
-        for person in own.any(1).nonzero()[:, 0].tolist():
-            name = picture.surface_beside(person, part, regions.region == number)
-            rows = torch.zeros_like(own)
-            rows[person] = own[person]
+        part_vertices = unmeasured & (regions.region == number)
+        for person in part_vertices.any(1).nonzero()[:, 0].tolist():
+            name = picture.carrier_name_of_part(person, part, regions.region == number)
+            rows = torch.zeros_like(part_vertices)
+            rows[person] = part_vertices[person]
             if name in GROUND_SURFACES:
-                yield rows & ~foot_elsewhere, seen.floor
+                yield rows & ~foot_elsewhere, photo_touch.floor
                 name = ""
             if name is not None:
                 yield rows, ContactPartner("scene", name)
 
 
-def _surfaces(
-    on_scene: Tensor, near: Distances, regions: ContactRegions, up: Tensor, first: int
+def _surface_partners(
+    on_scene: Tensor, near: Distances, regions: ContactRegions, up: Tensor, first_id: int
 ) -> Iterator[tuple[Tensor, ContactPartner]]:
     """Yield the vertices (N, V) bool of each surface but the floor, numbered from the first one."""
     surfaces = near.surface
@@ -188,8 +192,8 @@ def _surfaces(
         sits = torch.zeros_like(rests)
         if SEAT in regions.names:
             sits |= regions.region == regions.names.index(SEAT)
-        for number, own in enumerate(torch.unique(surface[on_scene]).tolist(), first):
-            rows = on_scene & (surface == own)
+        for number, surface_number in enumerate(torch.unique(surface[on_scene]).tolist(), first_id):
+            rows = on_scene & (surface == surface_number)
             label = int(parts.label[surfaces.point[rows]].mode().values)
             name = parts.names[label] if label >= 0 else ""
             if name not in SAT_ON:
@@ -212,11 +216,13 @@ def _feet_on_floor(
             continue
         foot = regions.region == regions.names.index(name)
         near_floor = height[:, foot].amin(1) < _GROUND_M
-        said = torch.full_like(near_floor, torch.nan, dtype=height.dtype)
+        observed = torch.full_like(near_floor, torch.nan, dtype=height.dtype)
         if floor_probability is not None:
-            said = floor_probability[:, side].to(height)
-        on_floor |= foot & torch.where(said.isnan(), near_floor, said >= LEAST_PROBABILITY)[:, None]
-        elsewhere |= foot & (said < LEAST_PROBABILITY)[:, None]
+            observed = floor_probability[:, side].to(height)
+        on_floor |= (
+            foot & torch.where(observed.isnan(), near_floor, observed >= LEAST_PROBABILITY)[:, None]
+        )
+        elsewhere |= foot & (observed < LEAST_PROBABILITY)[:, None]
     return on_floor, elsewhere
 
 
@@ -241,14 +247,14 @@ def body_contacts(
     index: Tensor,
     probability: Tensor | None,
     dent: Tensor,
-    table: Sequence[ContactPartner],
+    partners: Sequence[ContactPartner],
     regions: ContactRegions,
     *,
     assumed: Mapping[str, float] = MappingProxyType({}),
-    met: Collection[str] = (),
+    skin_contact_parts: Collection[str] = (),
     gaps: Mapping[str, float] = MappingProxyType({}),
-    from_people: Tensor | None = None,
-    least: float = 0.0,
+    distance_from_people: Tensor | None = None,
+    min_probability: float = 0.0,
 ) -> tuple[BodyContact, ...]:
     """List the contacts of one person by body part, most probable first.
 
@@ -257,52 +263,58 @@ def body_contacts(
     the more distal part.
 
     Args:
-        index: (V,) of each vertex in ``table``; :data:`NO_PARTNER` without contact.
+        index: (V,) of each vertex in ``partners``; :data:`NO_PARTNER` without contact.
         probability: (V,) of contact; None leaves all probabilities undefined. That of contact of a
             part is the mean of its ten most probable vertices.
         dent: (V,) depth of the dent at each vertex, metres; NaN where nothing yields.
-        table: partners.
+        partners: all of them.
         regions: body parts.
         assumed: body parts of limbs that nothing shows -> their probability of contact with scene
             and floor. Of each, only the partner of most vertices is listed, and skin if it is met.
-        met: body parts that meet skin by the observer.
+        skin_contact_parts: body parts that meet skin by the observer.
         gaps: body part -> its distance from the nearest surface, metres.
-        from_people: (V,) distance from the skin of other people, metres.
-        least: minimum probability of a listed part.
+        distance_from_people: (V,) distance from the skin of other people, metres.
+        min_probability: minimum probability of a listed part.
     """
     touching = index >= 0
     code = index.long() * len(regions.names) + regions.region
-    found = []
-    for value, count in zip(
+    contacts = []
+    for part_code, count in zip(
         *(x.tolist() for x in torch.unique(code[touching], return_counts=True)), strict=True
     ):
         if count < MIN_VERTICES:
             continue
-        partner, number = divmod(value, len(regions.names))
+        partner, number = divmod(part_code, len(regions.names))
         part = regions.names[number]
-        here = touching & (code == value)
-        sure = None
-        kind = table[partner].kind
+        contact_vertices = touching & (code == part_code)
+        rounded_probability = None
+        kind = partners[partner].kind
         is_skin = kind in _SKIN
-        if part in assumed and is_skin and part not in met:
+        if part in assumed and is_skin and part not in skin_contact_parts:
             continue
         if probability is not None:
-            of_surest = mean_of_surest(probability[here])
+            of_surest = mean_of_largest(probability[contact_vertices])
             of_part = assumed.get(part, of_surest) if kind in _OF_WORLD else of_surest
-            sure = round(of_part, DECIMALS)
-        if sure is None or sure >= least:
-            one = BodyContact(part, table[partner], sure, count, assumed=part in assumed)
-            off = None
-            if kind == "person" and from_people is not None:
-                apart = float(from_people[here].amin())
-                off = round(apart, DECIMALS) if apart > HAND_BREADTH_M else None
+            rounded_probability = round(of_part, DECIMALS)
+        if rounded_probability is None or rounded_probability >= min_probability:
+            contact = BodyContact(
+                part, partners[partner], rounded_probability, count, assumed=part in assumed
+            )
+            distance = None
+            if kind == "person" and distance_from_people is not None:
+                gap_to_people = float(distance_from_people[contact_vertices].amin())
+                distance = (
+                    round(gap_to_people, DECIMALS) if gap_to_people > HAND_BREADTH_M else None
+                )
             elif kind in _OF_WORLD and part not in assumed:
-                off = _distance_of_far(kind, gaps.get(part))
-            found.append(replace(one, dent_m=_dent_of(dent[here]), distance_m=off))
-    return _listed_contacts(found)
+                distance = _stated_distance(kind, gaps.get(part))
+            contacts.append(
+                replace(contact, dent_m=_dent_depth(dent[contact_vertices]), distance_m=distance)
+            )
+    return _listed_contacts(contacts)
 
 
-def _distance_of_far(kind: str, gap: float | None) -> float | None:
+def _stated_distance(kind: str, gap: float | None) -> float | None:
     """Return the distance of a part from the nearest surface, metres; None where that is near, and
     what it touches is not hidden.
     """
@@ -311,19 +323,29 @@ def _distance_of_far(kind: str, gap: float | None) -> float | None:
     return round(min(gap, SEARCH_RADIUS_M), DECIMALS)
 
 
-def _listed_contacts(found: Sequence[BodyContact]) -> tuple[BodyContact, ...]:
+def _listed_contacts(contacts: Sequence[BodyContact]) -> tuple[BodyContact, ...]:
     """Leave out contacts of adjacent parts, repeated pairs of parts, and all but the partner of
     most vertices of assumed parts; most probable first.
     """
-    on_self = {(one.part, one.partner.part) for one in found if one.partner.kind == "self"}
-    found = [
-        one
-        for one in found
-        if one.partner.kind != "self" or _is_listed(one.part, one.partner.part, on_self)
+    on_self = {
+        (contact.part, contact.partner.part)
+        for contact in contacts
+        if contact.partner.kind == "self"
+    }
+    contacts = [
+        contact
+        for contact in contacts
+        if contact.partner.kind != "self" or _is_listed(contact.part, contact.partner.part, on_self)
     ]
-    most = {one.part: one for one in sorted(found, key=lambda one: one.vertices)}
-    found = [one for one in found if not one.assumed or one is most[one.part]]
-    return tuple(sorted(found, key=lambda one: (-(one.probability or 0.0), -one.vertices)))
+    main_contact = {
+        contact.part: contact for contact in sorted(contacts, key=lambda one: one.vertices)
+    }
+    contacts = [
+        contact
+        for contact in contacts
+        if not contact.assumed or contact is main_contact[contact.part]
+    ]
+    return tuple(sorted(contacts, key=lambda one: (-(one.probability or 0.0), -one.vertices)))
 
 
 def _is_listed(part: str, other: str, pairs: Collection[tuple[str, str]]) -> bool:
@@ -335,7 +357,7 @@ def _is_listed(part: str, other: str, pairs: Collection[tuple[str, str]]) -> boo
     return (other, part) not in pairs or is_farther_out(part, other)
 
 
-def _dent_of(depths: Tensor) -> float | None:
+def _dent_depth(depths: Tensor) -> float | None:
     """Return the depth of a dent with depths (n,) of its vertices; None if too few of them
     yield.
     """

@@ -92,8 +92,8 @@ def scene_parts(
         off = height.cpu().abs()
         ground = ground | (off < _CELL_M) | (mistaken & (off < _RAISED_M))
     surface = torch.from_numpy(_connected_surfaces(*exact_arrays(points, normals, label, ground)))
-    at = points.device
-    return SceneParts(names, label.to(at), surface.to(at), ground.to(at))
+    device = points.device
+    return SceneParts(names, label.to(device), surface.to(device), ground.to(device))
 
 
 _NO_SURFACE = ("unknown", "person", "sky")
@@ -141,21 +141,21 @@ def _connected_surfaces(
     if not len(points):
         return np.zeros(0, np.int64)
     group = np.where(ground, -2, label)
-    at = np.floor(points / _CELL_M).astype(np.int64)
-    x, y, z = (at - at.min(axis=0)).T
-    wide = int(np.ptp(at, axis=0).max()) + 1
+    cells = np.floor(points / _CELL_M).astype(np.int64)
+    x, y, z = (cells - cells.min(axis=0)).T
+    wide = int(np.ptp(cells, axis=0).max()) + 1
     groups = int(group.max()) + 3
     # Cells of one class are joined; without a class, cells whose normals agree. Unique rows take
     # ten times as long.
     number = ((x * wide + y) * wide + z) * groups + group + 2
-    _, first, cell = np.unique(number, return_index=True, return_inverse=True)
-    pairs = cKDTree(points[first]).query_pairs(2 * _CELL_M, output_type="ndarray")
-    a = first[pairs[:, 0]]
-    b = first[pairs[:, 1]]
+    _, first_point, cell = np.unique(number, return_index=True, return_inverse=True)
+    pairs = cKDTree(points[first_point]).query_pairs(2 * _CELL_M, output_type="ndarray")
+    a = first_point[pairs[:, 0]]
+    b = first_point[pairs[:, 1]]
     agree = (normals[a] * normals[b]).sum(1) > _SAME_SURFACE_COSINE
     joined = (group[a] == group[b]) & (agree | (group[a] != -1))
     pairs = pairs[joined]
-    count = len(first)
+    count = len(first_point)
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     _, component = connected_components(graph, directed=False)
     surface = component[cell].astype(np.int64)

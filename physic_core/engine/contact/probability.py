@@ -12,7 +12,7 @@ The ten surest vertices of a part have its probability. The others have less of 
 are from the surface beside these, and the less directly their skin faces it.
 
 Contact with skin of another person or of the own body is what the observer says of a part, with the
-part that :mod:`physic_core.engine.whom` tells, and of this part the same.
+part that :mod:`physic_core.engine.skin_contact` tells, and of this part the same.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from physic_core.body.model import BodyModel
 from physic_core.body.posture import LYING_DEG, trunk_tilt_deg
 from physic_core.engine.body_parts import OBSERVED, SEAT, contact_regions
 from physic_core.engine.contact.distances import SEARCH_RADIUS_M, Distances
-from physic_core.engine.ground.touch import touch_by_distance, usual_world_touch
+from physic_core.engine.ground.touch import touch_by_distance, world_touch_rate
 from physic_core.engine.state import State
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.observations import TOUCHED
@@ -53,15 +53,17 @@ _SIGMA_M = 0.05  # standard deviation of the distance of a part from the scene
 _NEARNESS = 0.1, 3.0
 _NEARNESS_OF_LIMBS = 0.05, 0.15  # of hands and feet
 
-SUREST_VERTICES = 10
+LARGEST_VERTICES = 10
 """Number of vertices whose mean probability is that of their body part."""
 
 
-def mean_of_surest(vertices: Tensor) -> float:
+def mean_of_largest(probabilities: Tensor) -> float:
     """Return the mean of the ten largest of the probabilities (n,) of vertices, or of all if there
     are fewer.
     """
-    return float(vertices.double().topk(min(SUREST_VERTICES, len(vertices))).values.mean())
+    return float(
+        probabilities.double().topk(min(LARGEST_VERTICES, len(probabilities))).values.mean()
+    )
 
 
 def contact_part_masks(model: BodyModel) -> dict[str, Tensor]:
@@ -72,30 +74,34 @@ def contact_part_masks(model: BodyModel) -> dict[str, Tensor]:
     }
 
 
-def scene_contact_probability(state: State, at: NearScene) -> dict[str, Tensor]:
+def scene_contact_probability(state: State, near: SceneProximity) -> dict[str, Tensor]:
     """Return part -> probability (N,) that it touches scene or floor."""
-    parts = {}
-    gaps = part_distances(state.model, at)
-    for name, unseen in unseen_parts(state).items():
-        likely = touch_by_distance(name, gaps[name])
-        likely = torch.where(unseen, usual_world_touch(name), likely)
-        said = observed_touch(state, name, "world")
-        parts[name] = torch.where(said.isnan(), likely, said)
+    probabilities = {}
+    gaps = part_gap_sigmas(state.model, near)
+    for name, hidden in hidden_parts(state).items():
+        by_distance = touch_by_distance(name, gaps[name])
+        by_distance = torch.where(hidden, world_touch_rate(name), by_distance)
+        observed = observed_touch(state, name, "world")
+        probabilities[name] = torch.where(observed.isnan(), by_distance, observed)
     # What a person who lies on the seat lies on carries the back, too, and a head as low.
     names = list(contact_part_masks(state.model))
     back, head = names.index(BACK), names.index(HEAD)
-    lies = is_lying(state) & (at.down[:, back] > _FACES_DOWN)
-    parts[BACK] = torch.where(lies, torch.maximum(parts[BACK], parts[SEAT]), parts[BACK])
-    lowest = _lowest_of_parts(state)
-    low = lies & (lowest[:, head] - lowest[:, back] < _HEAD_M)
-    parts[HEAD] = torch.where(low, torch.maximum(parts[HEAD], parts[BACK]), parts[HEAD])
-    return parts
+    lies = is_lying(state) & (near.down[:, back] > _FACES_DOWN)
+    probabilities[BACK] = torch.where(
+        lies, torch.maximum(probabilities[BACK], probabilities[SEAT]), probabilities[BACK]
+    )
+    lowest = _lowest_heights(state)
+    head_is_low = lies & (lowest[:, head] - lowest[:, back] < _HEAD_M)
+    probabilities[HEAD] = torch.where(
+        head_is_low, torch.maximum(probabilities[HEAD], probabilities[BACK]), probabilities[HEAD]
+    )
+    return probabilities
 
 
-def _lowest_of_parts(state: State) -> Tensor:
+def _lowest_heights(state: State) -> Tensor:
     """Return the height (N, P) of the lowest skin of each part, metres."""
     height = torch.where(state.model.outer, state.vertices @ state.up, torch.inf)
-    return _gaps_of_parts(state.model, height)
+    return _part_gaps(state.model, height)
 
 
 def observed_touch(state: State, part: str, touched: str) -> Tensor:
@@ -108,23 +114,23 @@ def observed_touch(state: State, part: str, touched: str) -> Tensor:
     return state.observed_touch[:, row, TOUCHED.index(touched)].to(state.vertices)
 
 
-def values_by_vertex(model: BodyModel, parts: Mapping[str, Tensor]) -> Tensor:
+def values_by_vertex(model: BodyModel, value_of_part: Mapping[str, Tensor]) -> Tensor:
     """Return the value (N, V) of the part of each vertex; part -> (N,), in the order of all."""
-    return torch.stack(list(parts.values()), 1)[:, contact_regions(model).region]
+    return torch.stack(list(value_of_part.values()), 1)[:, contact_regions(model).region]
 
 
 def held_object_probability(state: State) -> Tensor:
     """Return the probability (N, V) that palms and fingers hold or pet an object or an animal; 0
     where the observer says nothing.
     """
-    found = torch.zeros_like(state.vertices[..., 0])
+    probability = torch.zeros_like(state.vertices[..., 0])
     for hand in (f"{side}_hand" for side in SIDES):
-        likely = observed_touch(state, hand, "object").nan_to_num()
-        found[:, state.model.in_contact_sets(hand)] = likely[:, None]
-    return found
+        hand_probability = observed_touch(state, hand, "object").nan_to_num()
+        probability[:, state.model.contact_set_mask(hand)] = hand_probability[:, None]
+    return probability
 
 
-def unseen_parts(state: State) -> dict[str, Tensor]:
+def hidden_parts(state: State) -> dict[str, Tensor]:
     """Return part -> (N,) bool: no photo has a confident keypoint at the end of the limb."""
     shown = state.visible_vertices
     return {
@@ -132,7 +138,7 @@ def unseen_parts(state: State) -> dict[str, Tensor]:
     }
 
 
-class NearScene(NamedTuple):
+class SceneProximity(NamedTuple):
     """Distances of N people's parts and vertices from the scene.
 
     Attributes:
@@ -151,40 +157,44 @@ class NearScene(NamedTuple):
     facing: Tensor
 
 
-def near_scene(state: State, near: Distances) -> NearScene:
+def scene_proximity(state: State, distances: Distances) -> SceneProximity:
     """Return where vertices are beside scene and floor.
 
     A part with nothing near it is compared with a level surface under its lowest vertices.
     """
-    distance, facing = _scene_distance_and_facing(state, near)
+    distance, facing = _scene_distance_and_facing(state, distances)
     height = state.vertices @ state.up
     group = contact_regions(state.model).region
-    gap = _gaps_of_parts(state.model, distance)
-    lost = torch.isinf(gap)[:, group]
-    own = torch.where(state.model.outer, height - _lowest_of_parts(state)[:, group], torch.inf)
-    rise = torch.where(lost, own, distance - gap[:, group])
-    down = -(near.normals @ state.up)
-    return NearScene(
+    gap = _part_gaps(state.model, distance)
+    far = torch.isinf(gap)[:, group]
+    rise_over_lowest = torch.where(
+        state.model.outer, height - _lowest_heights(state)[:, group], torch.inf
+    )
+    rise = torch.where(far, rise_over_lowest, distance - gap[:, group])
+    down = -(distances.normals @ state.up)
+    return SceneProximity(
         gap=gap,
-        down=_of_nearest_skin(state.model, rise, down),
+        down=_mean_over_nearest_skin(state.model, rise, down),
         rise=torch.relu(rise),
-        facing=torch.where(lost, down, facing),
+        facing=torch.where(far, down, facing),
     )
 
 
-def share_of_part(model: BodyModel, at: NearScene) -> Tensor:
+def vertex_shares(model: BodyModel, near: SceneProximity) -> Tensor:
     """Return the share (N, V) of the probability of a part that its vertices have: 1 for the ten
     surest.
     """
-    share = _vertex_share(model, at.rise, at.facing)
+    share = _raw_vertex_shares(model, near.rise, near.facing)
     for chosen in contact_part_masks(model).values():
-        own = share[:, chosen]
-        least = own.topk(min(SUREST_VERTICES, own.shape[1])).values[:, -1:]
-        share[:, chosen] = (own / least.clamp(min=torch.finfo(own.dtype).tiny)).clamp(max=1)
+        part_share = share[:, chosen]
+        surest_least = part_share.topk(min(LARGEST_VERTICES, part_share.shape[1])).values[:, -1:]
+        share[:, chosen] = (
+            part_share / surest_least.clamp(min=torch.finfo(part_share.dtype).tiny)
+        ).clamp(max=1)
     return share
 
 
-def _vertex_share(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
+def _raw_vertex_shares(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
     """Return the share (N, V) of the probability of a part that its vertices have.
 
     Args:
@@ -192,7 +202,7 @@ def _vertex_share(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
         rise: (N, V) how much farther the vertex is than its part, metres.
         facing: (N, V) cosine between the skin and the surface that it faces.
     """
-    limbs = model.on_parts("hand", "foot")
+    limbs = model.part_mask("hand", "foot")
     far_m, power = (
         torch.where(limbs, of_limbs, otherwise)
         for of_limbs, otherwise in zip(_NEARNESS_OF_LIMBS, _NEARNESS, strict=True)
@@ -200,9 +210,9 @@ def _vertex_share(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
     return ((1 + facing) / 2) ** power / (1 + (rise / far_m).square())
 
 
-def part_distances(model: BodyModel, at: NearScene) -> dict[str, Tensor]:
+def part_gap_sigmas(model: BodyModel, near: SceneProximity) -> dict[str, Tensor]:
     """Return part -> its distance (N,) from the scene, in standard deviations, at least 0."""
-    gaps = torch.relu(at.gap).clamp(max=SEARCH_RADIUS_M) / _SIGMA_M
+    gaps = torch.relu(near.gap).clamp(max=SEARCH_RADIUS_M) / _SIGMA_M
     return dict(zip(contact_part_masks(model), gaps.T, strict=True))
 
 
@@ -212,18 +222,18 @@ def is_lying(state: State) -> Tensor:
     return (tilt - 90).abs() < LYING_DEG
 
 
-def _of_nearest_skin(model: BodyModel, rise: Tensor, values: Tensor) -> Tensor:
+def _mean_over_nearest_skin(model: BodyModel, rise: Tensor, values: Tensor) -> Tensor:
     """Return the mean (N, P) of values (N, V) over the vertices of each part with the smallest
     rises (N, V) over its nearest skin.
     """
     means = []
     for chosen in contact_part_masks(model).values():
-        nearest = rise[:, chosen].topk(SUREST_VERTICES, largest=False).indices
+        nearest = rise[:, chosen].topk(LARGEST_VERTICES, largest=False).indices
         means.append(values[:, chosen].gather(1, nearest).mean(1))
     return torch.stack(means, 1)
 
 
-def _gaps_of_parts(model: BodyModel, distance: Tensor) -> Tensor:
+def _part_gaps(model: BodyModel, distance: Tensor) -> Tensor:
     """Return the fifth smallest of the distances (N, V) of each part, (N, P)."""
     parts = contact_part_masks(model).values()
     return torch.stack([distance[:, chosen].kthvalue(_GAP_VERTICES).values for chosen in parts], 1)
@@ -238,17 +248,19 @@ def _scene_distance_and_facing(state: State, near: Distances) -> tuple[Tensor, T
     surface = near.surface
     by_plane = surface.floor_is_nearer | (near.nearest_is_ground & torch.isfinite(surface.floor))
     distance = torch.where(by_plane, surface.floor, surface.scene)
-    towards = torch.where(by_plane[..., None], state.up, surface.normals)
-    return torch.where(state.model.outer, distance, torch.inf), -(near.normals * towards).sum(-1)
+    surface_normals = torch.where(by_plane[..., None], state.up, surface.normals)
+    return torch.where(state.model.outer, distance, torch.inf), -(
+        near.normals * surface_normals
+    ).sum(-1)
 
 
 def skin_contact_probability(near: Distances) -> Tensor:
     """Return the probability (2, N, V) that a vertex touches skin of another person, and of the own
     body.
     """
-    found = near.people.distance.new_zeros(2, *near.people.distance.shape)
-    for one in near.meetings:
-        kind = int(one.other == one.person)
-        found[kind, one.person, one.skin] = one.probability
-        found[kind, one.other, one.other_skin] = one.probability
-    return found
+    probability = near.people.distance.new_zeros(2, *near.people.distance.shape)
+    for contact in near.skin_contacts:
+        kind = int(contact.other == contact.person)
+        probability[kind, contact.person, contact.skin] = contact.probability
+        probability[kind, contact.other, contact.other_skin] = contact.probability
+    return probability

@@ -24,16 +24,15 @@ from physic_core.engine.contact.partner import (
     HIDDEN,
     HIDDEN_SEAT,
     MIN_VERTICES,
-    SeenTouch,
+    TouchInPhoto,
     assign_partners,
     body_contacts,
 )
 from physic_core.engine.contact.parts import FACES_UP, scene_parts
-from physic_core.engine.contact.picture import PeopleInPicture
 from physic_core.engine.contact.probability import (
     contact_part_masks,
+    hidden_parts,
     is_lying,
-    unseen_parts,
     values_by_vertex,
 )
 from physic_core.engine.contact.support import (
@@ -42,8 +41,13 @@ from physic_core.engine.contact.support import (
     find_support,
     support_record,
 )
+from physic_core.engine.contact.surface_in_photo import PeopleInPhoto
+from physic_core.engine.skin_contact import (
+    SkinContact,
+    find_skin_contacts,
+    touch_with_skin_contacts,
+)
 from physic_core.engine.state import Contact, Estimates, State
-from physic_core.engine.whom import Meeting, meetings, touch_by_meetings
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.pixels import select_pixels
 from physic_core.geometry.tensors import tensors
@@ -69,27 +73,25 @@ def solve_contact(estimates: Estimates, state: State, method: ContactStageMethod
     # unknown where inpainted
     (labels,) = select_pixels(state.scene.valid, torch.where(photo.hole, -1, photo.labels))
     near = measure_distances(state, surfaces, (photo.label_names, labels), method)
-    return replace(
-        state, contact=find_contact(state, near, method, PeopleInPicture.of(photo, state))
-    )
+    return replace(state, contact=find_contact(state, near, method, PeopleInPhoto.of(photo, state)))
 
 
 def find_contact(
     state: State,
     near: Distances,
     method: ContactStageMethod,
-    picture: PeopleInPicture | None = None,
+    photo_people: PeopleInPhoto | None = None,
 ) -> Contact:
     """Return the contact of people by their distances, and by what the picture shows beside
     them.
     """
     if state.observed_touch is not None:
-        said = touch_by_meetings(state.observed_touch, near.meetings)
-        state = replace(state, observed_touch=said)
-    touch = _with_unknown(state, near, method.find_touch(state, near))
-    carried = _find_supports(state, near, touch, method)
-    touch = _add_hidden_contacts(state, near, touch, carried)
-    return _describe_contacts(state, near, touch, carried, picture)
+        observed = touch_with_skin_contacts(state.observed_touch, near.skin_contacts)
+        state = replace(state, observed_touch=observed)
+    touch = _add_unknown_contacts(state, near, method.find_touch(state, near))
+    person_supports = _find_supports(state, near, touch, method)
+    touch = _add_hidden_contacts(state, near, touch, person_supports)
+    return _describe_contacts(state, near, touch, person_supports, photo_people)
 
 
 def measure_distances(
@@ -117,59 +119,61 @@ def measure_distances(
         None if floor is None else floor.scaled(state.unapplied_scene_scale).height(scene.points)
     )
     parts = scene_parts(scene, surfaces.row, *classes, height, state.up)
-    met: tuple[Meeting, ...] = ()
+    contacts: tuple[SkinContact, ...] = ()
     if method.people:
-        met = meetings(model, vertices, state.observed_touch)
+        contacts = find_skin_contacts(model, vertices, state.observed_touch)
     people, own = (
-        SkinDistances.of_meetings(
-            vertices, [one for one in met if (one.other == one.person) is is_own]
+        SkinDistances.of_contacts(
+            vertices, [one for one in contacts if (one.other == one.person) is is_own]
         )
         for is_own in (False, True)
     )
-    return Distances(normals, surface, parts, people, own, met)
+    return Distances(normals, surface, parts, people, own, contacts)
 
 
 def _find_supports(
     state: State, near: Distances, touch: Touch, method: ContactStageMethod
 ) -> tuple[PersonSupport | None, ...]:
     """Return the support of each person; None for people with non-finite vertices."""
-    beneath = near.normals[near.people.person, near.people.vertex] @ state.up
+    normal_below = near.normals[near.people.person, near.people.vertex] @ state.up
     # a lap carries, a neighbour's thigh does not
-    beside = (touch.kind == _PERSON) & (beneath < FACES_UP)
+    beside = (touch.kind == _PERSON) & (normal_below < FACES_UP)
     outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & (touch.kind != _OBJECT) & ~beside
     # the pose leaves a gap only to floor and scene, which do not move
     height = torch.where(touch.kind == _SCENE, near.surface.nearest, 0.0)
     height = torch.where(touch.kind >= 0, height, torch.inf)
-    seen = state.visible_vertices & (touch.kind != HIDDEN)
+    on_visible_limb = state.visible_vertices & (touch.kind != HIDDEN)
     lies = is_lying(state).tolist()
-    found: list[PersonSupport | None] = []
+    supports: list[PersonSupport | None] = []
     for i, finite in enumerate(state.finite_people.tolist()):
         if not finite:
-            found.append(None)
+            supports.append(None)
             continue
         person = PersonContact(
             vertices=state.vertices[i],
             normals=near.normals[i],
             contact=outward[i],
-            on_seen_limb=seen[i],
-            feet=_limbs_touch(touch, "foot", i),
-            sits=bool(touch.parts) and float(touch.parts[SEAT][i]) >= LEAST_PROBABILITY,
+            on_visible_limb=on_visible_limb[i],
+            feet=_limb_pair_touches(touch, "foot", i),
+            sits=bool(touch.part_probability)
+            and float(touch.part_probability[SEAT][i]) >= LEAST_PROBABILITY,
             lies=lies[i],
-            grips=_limbs_touch(touch, "hand", i),
+            grips=_limb_pair_touches(touch, "hand", i),
             height=height[i],
         )
-        found.append(find_support(state.model, person, state.up, assume=method.assume_supports))
-    return tuple(found)
+        supports.append(find_support(state.model, person, state.up, assume=method.assume_supports))
+    return tuple(supports)
 
 
-def _limbs_touch(touch: Touch, limb: str, person: int) -> Tensor | None:
+def _limb_pair_touches(touch: Touch, limb: str, person: int) -> Tensor | None:
     """Return whether the left and the right limb of a person probably touch the scene, (2,) bool;
     None if unknown.
     """
-    if not touch.parts:
+    if not touch.part_probability:
         return None
     return (
-        torch.stack([touch.parts[f"{side}_{limb}"][person] for side in SIDES]) >= LEAST_PROBABILITY
+        torch.stack([touch.part_probability[f"{side}_{limb}"][person] for side in SIDES])
+        >= LEAST_PROBABILITY
     )
 
 
@@ -190,7 +194,7 @@ def _carried_limbs(state: State) -> list[tuple[str, Tensor]]:
     ]
 
 
-def _with_unknown(state: State, near: Distances, touch: Touch) -> Touch:
+def _add_unknown_contacts(state: State, near: Distances, touch: Touch) -> Touch:
     """Add contacts of soles, hands, and skin of other parts that faces down, which probably touch
     the world, and have nothing of it within a hand's breadth: with something unknown. A hidden seat
     is a support.
@@ -199,26 +203,28 @@ def _with_unknown(state: State, near: Distances, touch: Touch) -> Touch:
     either as probably as the other.
     """
     kind = touch.kind.clone()
-    parts = {**touch.parts}
+    part_probability = {**touch.part_probability}
     down = near.normals @ state.up < -FACES_UP
-    for name, skin in contact_part_masks(state.model).items() if touch.parts else ():
+    for name, skin in contact_part_masks(state.model).items() if touch.part_probability else ():
         if name == SEAT:
             continue
-        alone = touch.parts[name] >= LEAST_PROBABILITY
-        alone &= touch.gaps[name] > HAND_BREADTH_M
+        without_surface = touch.part_probability[name] >= LEAST_PROBABILITY
+        without_surface &= touch.gaps[name] > HAND_BREADTH_M
         side, _, limb = name.partition("_")
         if limb in _TOUCHING:
-            chosen = state.model.in_contact_sets(f"{side}_{_TOUCHING[limb]}") & state.model.outer
+            chosen = state.model.contact_set_mask(f"{side}_{_TOUCHING[limb]}") & state.model.outer
         else:
             chosen = skin & down
-            cannot = alone & (chosen.sum(1) < MIN_VERTICES)
-            parts[name] = torch.where(cannot, 0.5 * parts[name], parts[name])
-        kind[alone[:, None] & chosen] = HIDDEN
-    return replace(touch, kind=kind, parts=parts)
+            too_little_skin = without_surface & (chosen.sum(1) < MIN_VERTICES)
+            part_probability[name] = torch.where(
+                too_little_skin, 0.5 * part_probability[name], part_probability[name]
+            )
+        kind[without_surface[:, None] & chosen] = HIDDEN
+    return replace(touch, kind=kind, part_probability=part_probability)
 
 
 def _add_hidden_contacts(
-    state: State, near: Distances, touch: Touch, carried: tuple[PersonSupport | None, ...]
+    state: State, near: Distances, touch: Touch, person_supports: tuple[PersonSupport | None, ...]
 ) -> Touch:
     """Add contacts of hidden supports, and of buttocks that probably touch the world and nothing
     that is known. All contacts with what is hidden or unknown get the probability of their part.
@@ -227,83 +233,93 @@ def _add_hidden_contacts(
     either as probably as the other.
     """
     kind = touch.kind.clone()
-    parts = {**touch.parts}
-    for i, one in enumerate(carried):
-        if one is not None:
-            kind[i, one.hidden] = torch.where(one.seat[one.hidden], HIDDEN_SEAT, HIDDEN)
-    if touch.parts:
+    part_probability = {**touch.part_probability}
+    for i, support in enumerate(person_supports):
+        if support is not None:
+            kind[i, support.hidden] = torch.where(support.seat[support.hidden], HIDDEN_SEAT, HIDDEN)
+    if touch.part_probability:
         seat = contact_part_masks(state.model)[SEAT]
         on_world = (kind == _SCENE) | (kind >= HIDDEN)
-        lost = (touch.parts[SEAT] >= LEAST_PROBABILITY) & ~(on_world & seat).any(1)
-        under = seat & (near.normals @ state.up < -FACES_UP)
-        kind[lost[:, None] & under] = HIDDEN_SEAT
-        cannot = lost & (under.sum(1) < MIN_VERTICES)
-        parts[SEAT] = torch.where(cannot, 0.5 * parts[SEAT], parts[SEAT])
+        without_surface = (touch.part_probability[SEAT] >= LEAST_PROBABILITY) & ~(
+            on_world & seat
+        ).any(1)
+        faces_down = seat & (near.normals @ state.up < -FACES_UP)
+        kind[without_surface[:, None] & faces_down] = HIDDEN_SEAT
+        too_little_skin = without_surface & (faces_down.sum(1) < MIN_VERTICES)
+        part_probability[SEAT] = torch.where(
+            too_little_skin, 0.5 * part_probability[SEAT], part_probability[SEAT]
+        )
     probability = touch.probability
-    if probability is not None and parts:
-        of_parts = values_by_vertex(state.model, parts).to(probability)
-        probability = torch.where(kind >= HIDDEN, of_parts, probability)
-    return replace(touch, kind=kind, probability=probability, parts=parts)
+    if probability is not None and part_probability:
+        by_part = values_by_vertex(state.model, part_probability).to(probability)
+        probability = torch.where(kind >= HIDDEN, by_part, probability)
+    return replace(touch, kind=kind, probability=probability, part_probability=part_probability)
 
 
-def _seen_floor(state: State) -> Tensor | None:
+def _observed_floor(state: State) -> Tensor | None:
     """Return the probability (N, 2) that left and right foot are on the floor, NaN where unknown;
     None if unknown of all. Without a plane, no floor is assumed under feet that nothing shows.
     """
-    said = state.observed_floor
-    if said is None or state.scene.floor is not None:
-        return said
-    unseen = unseen_parts(state)
-    feet = torch.stack([unseen[f"{side}_foot"] for side in SIDES], 1)
-    return torch.where(feet, torch.nan, said)
+    observed = state.observed_floor
+    if observed is None or state.scene.floor is not None:
+        return observed
+    hidden = hidden_parts(state)
+    feet = torch.stack([hidden[f"{side}_foot"] for side in SIDES], 1)
+    return torch.where(feet, torch.nan, observed)
 
 
-def _parts_that_meet(pairs: Sequence[Meeting], person: int) -> set[str]:
+def _parts_in_skin_contact(contacts: Sequence[SkinContact], person: int) -> set[str]:
     """Return the body parts of a person that touch skin by the observer."""
-    own = {pair.part for pair in pairs if pair.person == person}
-    return own | {pair.other_part for pair in pairs if pair.other == person}
+    parts = {pair.part for pair in contacts if pair.person == person}
+    return parts | {pair.other_part for pair in contacts if pair.other == person}
 
 
 def _describe_contacts(
     state: State,
     near: Distances,
     touch: Touch,
-    carried: tuple[PersonSupport | None, ...],
-    picture: PeopleInPicture | None,
+    person_supports: tuple[PersonSupport | None, ...],
+    photo_people: PeopleInPhoto | None,
 ) -> Contact:
     """Name partners and supports, and list the contacts of each body part."""
     regions = contact_regions(state.model)
     has_floor = state.scene.floor is not None
-    seen = SeenTouch(_carried_limbs(state), _seen_floor(state), picture, has_floor)
-    partners, index = assign_partners(touch.kind, near, regions, state.up, seen)
+    photo_touch = TouchInPhoto(
+        _carried_limbs(state), _observed_floor(state), photo_people, has_floor
+    )
+    partners, index = assign_partners(touch.kind, near, regions, state.up, photo_touch)
     dents = torch.where(touch.kind == _SCENE, dent_depths(near.surface, near.parts), torch.nan)
-    unseen = unseen_parts(state) if touch.parts else {}
+    hidden = hidden_parts(state) if touch.part_probability else {}
     contacts = []
     supports: list[Support | None] = []
-    for i, one in enumerate(carried):
-        likely = None if touch.probability is None else touch.probability[i]
-        assumed = {name: float(touch.parts[name][i]) for name, own in unseen.items() if own[i]}
+    for i, support in enumerate(person_supports):
+        probability = None if touch.probability is None else touch.probability[i]
+        assumed = {
+            name: float(touch.part_probability[name][i])
+            for name, by_person in hidden.items()
+            if by_person[i]
+        }
         list_contacts = partial(
             body_contacts,
             dent=dents[i],
-            table=partners,
+            partners=partners,
             regions=regions,
             assumed=assumed,
-            met=_parts_that_meet(near.meetings, i),
+            skin_contact_parts=_parts_in_skin_contact(near.skin_contacts, i),
         )
         listed = list_contacts(
             index[i],
-            likely,
-            gaps={name: float(own[i]) for name, own in touch.gaps.items()},
-            from_people=near.people.distance[i],
-            least=LEAST_PROBABILITY,
+            probability,
+            gaps={name: float(by_person[i]) for name, by_person in touch.gaps.items()},
+            distance_from_people=near.people.distance[i],
+            min_probability=LEAST_PROBABILITY,
         )
         contacts.append(listed)
-        if one is None:
+        if support is None:
             supports.append(None)
             continue
-        carrying = torch.where(one.contact | one.hidden, index[i], -1)
-        supports.append(support_record(one, list_contacts(carrying, None), listed))
+        carrying = torch.where(support.contact | support.hidden, index[i], -1)
+        supports.append(support_record(support, list_contacts(carrying, None), listed))
     return Contact(
         probability=touch.probability,
         distance=near.surface.nearest,
@@ -311,5 +327,5 @@ def _describe_contacts(
         partners=partners,
         contacts=tuple(contacts),
         supports=tuple(supports),
-        parts=touch.parts,
+        part_probability=touch.part_probability,
     )

@@ -47,7 +47,7 @@ class PersonContact:
         vertices: (V, 3) metres.
         normals: (V, 3) unit, out of the body.
         contact: (V,) bool, with scene, floor and other people.
-        on_seen_limb: (V,) bool, vertices on limbs that the photo shows.
+        on_visible_limb: (V,) bool, vertices on limbs that the photo shows.
         feet: (2,) bool, left and right foot that probably touch something; None if unknown.
         sits: whether buttocks probably rest on something.
         lies: whether the trunk is nearly horizontal.
@@ -59,7 +59,7 @@ class PersonContact:
     vertices: Tensor
     normals: Tensor
     contact: Tensor
-    on_seen_limb: Tensor
+    on_visible_limb: Tensor
     feet: Tensor | None
     sits: bool
     lies: bool
@@ -124,14 +124,17 @@ def find_support(
         rests = _outer_vertices(model, *(("gluteus", "back") if person.lies else ("gluteus",)))
         patch = _lowest_layer(person, rests, up)
         if assume and not bool(seat.any()) and int(patch.sum()) >= _MIN_VERTICES:
-            return _on_hidden(person, patch, none if person.lies else patch, centre, up)
+            return _hidden_support(person, patch, none if person.lies else patch, centre, up)
     hold = _overhead_hands(model, person, centre, up)
-    for state, carrying in _carrying_candidates(contact, level & ~hold, hold):
+    for state, carrying in _support_candidates(contact, level & ~hold, hold):
         outside = distance_to_hull(centre, vertices[carrying], up)
         if outside <= _BALANCE_M:
             if _is_unsteady(model, vertices, carrying, up):
                 state = SupportState.UNSTEADY
-            if distance_to_hull(centre, vertices[carrying & person.on_seen_limb], up) > _BALANCE_M:
+            if (
+                distance_to_hull(centre, vertices[carrying & person.on_visible_limb], up)
+                > _BALANCE_M
+            ):
                 state = SupportState.ASSUMED
             return PersonSupport(state, carrying, none, seat, outside, centre)
     airborne = person.in_air and not bool(contact.any())
@@ -139,13 +142,13 @@ def find_support(
     best = PersonSupport(state, contact, none, seat, outside, centre)
     least = _BALANCE_M
     for patch in _hidden_supports(model, person, up) if assume else ():
-        assumed = _on_hidden(person, patch, seat, centre, up)
+        assumed = _hidden_support(person, patch, seat, centre, up)
         if assumed.outside_m <= least and int(patch.sum()) >= _MIN_VERTICES:
             best, least = assumed, assumed.outside_m
     return best
 
 
-def _on_hidden(
+def _hidden_support(
     person: PersonContact, patch: Tensor, seat: Tensor, centre: Tensor, up: Tensor
 ) -> PersonSupport:
     """Return the support of a person whose contacts carry together with a hidden support of a patch
@@ -180,7 +183,7 @@ def _is_unsteady(model: BodyModel, vertices: Tensor, carrying: Tensor, up: Tenso
     """Return whether feet alone carry a person, and their heels rest on too little ground to stay
     up.
     """
-    others = carrying & ~model.on_parts("_foot")
+    others = carrying & ~model.part_mask("_foot")
     if int(others.sum()) >= _MIN_VERTICES:
         return False
     height = vertices @ up
@@ -208,7 +211,7 @@ def _overhead_hands(model: BodyModel, person: PersonContact, centre: Tensor, up:
     return person.contact & hands & ((person.vertices - centre) @ up > 0)
 
 
-def _carrying_candidates(
+def _support_candidates(
     contact: Tensor, level: Tensor, hold: Tensor
 ) -> Iterator[tuple[SupportState, Tensor]]:
     """Yield the contacts (V,) bool that may carry the person, the most certain first, with the
@@ -225,7 +228,7 @@ def _hidden_supports(model: BodyModel, person: PersonContact, up: Tensor) -> Ite
     """Yield the vertices (V,) bool on each support that the photo cannot show."""
     stands = [True, True] if person.feet is None else person.feet.tolist()
     soles = [_outer_vertices(model, f"{side}_sole") for side in SIDES]
-    if not person.in_air and not bool((person.on_seen_limb & (soles[0] | soles[1])).any()):
+    if not person.in_air and not bool((person.on_visible_limb & (soles[0] | soles[1])).any()):
         stood = torch.stack([sole & on for sole, on in zip(soles, stands, strict=True)]).any(0)
         yield _lowest_layer(person, stood, up)
     if person.in_air and person.grips is not None and bool(person.grips.any()):
@@ -244,21 +247,36 @@ def support_record(
         contacts: of the vertices that carry.
         listed: all contacts of the person, whose probabilities are those of the support.
     """
-    known = {(one.part, one.partner): one.probability for one in listed}
-    large = (one for one in contacts if one.vertices >= _MIN_VERTICES or not one.partner.in_scene)
-    found = [
-        replace(one, probability=known.get((one.part, one.partner)), dent_m=None) for one in large
+    listed_probability = {
+        (contact.part, contact.partner): contact.probability for contact in listed
+    }
+    large_contacts = (
+        contact
+        for contact in contacts
+        if contact.vertices >= _MIN_VERTICES or not contact.partner.in_scene
+    )
+    listed_contacts = [
+        replace(
+            contact,
+            probability=listed_probability.get((contact.part, contact.partner)),
+            dent_m=None,
+        )
+        for contact in large_contacts
     ]
     sure = [
-        one
-        for one in found
-        if one.likely and ((one.part, one.partner) in known or one.partner.kind == "hidden")
+        contact
+        for contact in listed_contacts
+        if contact.likely
+        and (
+            (contact.part, contact.partner) in listed_probability
+            or contact.partner.kind == "hidden"
+        )
     ]
-    found = sure or found
-    found.sort(key=lambda one: -(one.probability or 0.0))
+    listed_contacts = sure or listed_contacts
+    listed_contacts.sort(key=lambda one: -(one.probability or 0.0))
     x, y, z = (round(value, DECIMALS) for value in carried.centre.tolist())
     outside = round(carried.outside_m, DECIMALS) if carried.outside_m < float("inf") else None
-    return Support(carried.state, tuple(found), outside, (x, y, z))
+    return Support(carried.state, tuple(listed_contacts), outside, (x, y, z))
 
 
 def centre_of_mass(vertices: Tensor, faces: Tensor) -> Tensor:
@@ -302,7 +320,7 @@ def _horizontal_directions(up: Tensor) -> Tensor:
 
 def _outer_vertices(model: BodyModel, *names: str) -> Tensor:
     """Return the outer vertices (V,) bool of contact sets."""
-    return model.in_contact_sets(*names) & model.outer
+    return model.contact_set_mask(*names) & model.outer
 
 
 def _lowest_layer(person: PersonContact, chosen: Tensor, up: Tensor) -> Tensor:

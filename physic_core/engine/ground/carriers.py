@@ -66,15 +66,15 @@ def carried_people(carriers: Sequence[Carrier], keypoints: Keypoints) -> Carried
     rows = {name: j for j, name in enumerate(keypoints.joint_set.names)}
     points = np.asarray(keypoints.points, np.float64)
 
-    def of_both(*ends: str) -> FloatArray:
+    def pair_values(*ends: str) -> FloatArray:
         columns = [
             rows[name] for end in ends for side in SIDES if (name := f"{side}_{end}") in rows
         ]
         return points[:, columns] if columns else np.full((len(points), 1, 2), np.nan)
 
-    hips = of_both("hip").mean(1)
-    trunk = np.linalg.norm(of_both("shoulder").mean(1) - hips, axis=1)
-    x, y = np.moveaxis(of_both("ankle", "heel", "foot_tip", "big_toe"), -1, 0)
+    hips = pair_values("hip").mean(1)
+    trunk = np.linalg.norm(pair_values("shoulder").mean(1) - hips, axis=1)
+    x, y = np.moveaxis(pair_values("ankle", "heel", "foot_tip", "big_toe"), -1, 0)
     ridden = np.full(len(points), NOTHING)
     board = ridden.copy()
     for k in sorted(range(len(carriers)), key=lambda k: carriers[k].score):

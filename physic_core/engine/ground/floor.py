@@ -172,12 +172,12 @@ class FloorCandidate:
         return sum(self.nats.values())
 
 
-def best_index(candidates: Sequence[FloorCandidate]) -> int:
+def index_of_best(candidates: Sequence[FloorCandidate]) -> int:
     """Return the candidate with the largest score by the pixels alone."""
     return max(range(len(candidates)), key=lambda i: candidates[i].log_score)
 
 
-def chosen_floor(
+def describe_floor(
     candidates: tuple[FloorCandidate, ...], best: int, evidence: FloorEvidence
 ) -> FloorSearch:
     """Return one of the candidates as the answer of a search."""
@@ -195,9 +195,9 @@ def chosen_floor(
     shares = [float(plane.inliers[mask].double().mean()) for mask in masks]
     in_mask = max(shares) > _IN_MASK_SHARE if shares else None
     other = _pitch_spread(candidates, plane)
-    own = math.hypot(_pitch_sigma(plane, evidence), other)
-    levelled = own if evidence.up is None else math.hypot(plane.pitch_sigma, other)
-    plane = replace(plane, pitch_sigma=levelled, plane_sigma=own)
+    sigma = math.hypot(_pitch_sigma(plane, evidence), other)
+    levelled = sigma if evidence.up is None else math.hypot(plane.pitch_sigma, other)
+    plane = replace(plane, pitch_sigma=levelled, plane_sigma=sigma)
     return FloorSearch(plane, "found", plane.inlier_share, plane.below_share, in_mask)
 
 
@@ -257,7 +257,7 @@ def floor_candidates(
             "gravity": _gravity_score(fit, evidence, sample),
             "soles": _sole_score(_heights_at_soles(view, plane, evidence.ground_at_soles)),
         }
-        if _misses(ground, moved):
+        if _is_off_ground(ground, moved):
             nats["ground that is seen"] = _OFF_GROUND_NATS
         return FloorCandidate(_levelled_plane(view, moved, evidence), nats)
 
@@ -268,7 +268,7 @@ def floor_candidates(
     if (
         up is None
         and candidates
-        and (likeliest := candidates[best_index(candidates)].plane) is not None
+        and (likeliest := candidates[index_of_best(candidates)].plane) is not None
     ):
         up = likeliest.normal
     if up is not None and len(evidence.feet_px):
@@ -301,7 +301,7 @@ def _plane_at_people(
     """
     moved = _plane_through_soles(fit, _heights_at_soles(view, fit.by_ray, evidence.ground_at_soles))
     moved = moved or move_to_feet(view, fit, mask, evidence.feet_px)
-    return fit if _misses(ground, moved) and not _misses(ground, fit) else moved
+    return fit if _is_off_ground(ground, moved) and not _is_off_ground(ground, fit) else moved
 
 
 def _candidate_beneath_people(
@@ -316,7 +316,7 @@ def _candidate_beneath_people(
         return None
     shares = lower_inlier_shares(view, plane)
     fit = plane_as_fit(view, plane, shares, "people who lie", MASK_SLACK)
-    odds = others[best_index(others)].log_score + odds
+    odds = others[index_of_best(others)].log_score + odds
     # A camera that looks down has a level horizontal axis, and the sky is not below it. A plane
     # that it sees at a flatter angle is behind people rather than beneath them.
     x, y, z = (math.degrees(math.asin(float(value))) for value in fit.normal.clamp(-1, 1))
@@ -368,7 +368,7 @@ def _pixel_score(view: InverseDepthMap, evidence: FloorEvidence) -> Callable[[Te
     weight = 1.0 + rows.double() / height
     weight = weight * torch.where(evidence.hole[rows, columns], HOLE_WEIGHT, 1.0)
     weight = weight / weight.sum()
-    on, front, behind = _label_odds(evidence, rows, columns).unbind(-1)
+    on, front, behind = _ground_log_odds(evidence, rows, columns).unbind(-1)
     rays = view.rays[rows, columns].double()
     inverse = view.inverse[rows, columns].double()
 
@@ -383,7 +383,7 @@ def _pixel_score(view: InverseDepthMap, evidence: FloorEvidence) -> Callable[[Te
     return score
 
 
-def _label_odds(evidence: FloorEvidence, rows: Tensor, columns: Tensor) -> Tensor:
+def _ground_log_odds(evidence: FloorEvidence, rows: Tensor, columns: Tensor) -> Tensor:
     """Return the shares (M, 3) on, in front of and behind the floor of pixels with their labels."""
     odds = rows.new_tensor(_NO_LABEL, dtype=torch.float64).expand(len(rows), 3)
     for mask, known in (
@@ -424,11 +424,11 @@ def _sole_score(heights: list[tuple[float, float, float]]) -> float:
     score = 0.0
     for height, stands, real in heights:
         on_floor = stands * real
-        score += math.log(1 - on_floor + on_floor * standing_odds(height))
+        score += math.log(1 - on_floor + on_floor * standing_log_odds(height))
     return score * min(1.0, _MOST_SOLES / max(len(heights), 1))
 
 
-def standing_odds(height: float) -> float:
+def standing_log_odds(height: float) -> float:
     """Return how much likelier ground beside soles is so high over the floor if the person stands
     on it than if not; heights of the camera.
     """
@@ -508,7 +508,7 @@ def _sample_of_ground(view: InverseDepthMap, evidence: FloorEvidence) -> tuple[T
     return view.rays.flatten(0, 1)[at], view.inverse.flatten()[at]
 
 
-def _misses(ground: tuple[Tensor, Tensor], plane: PlaneFit) -> bool:
+def _is_off_ground(ground: tuple[Tensor, Tensor], plane: PlaneFit) -> bool:
     """Return whether all pixels with rays (M, 3) and inverse depths (M,) lie off a floor, on one
     side.
     """

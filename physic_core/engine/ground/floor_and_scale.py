@@ -21,26 +21,26 @@ from torch import Tensor
 from physic_core.body.bones import pose_from_parameters
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
-from physic_core.engine.ground.beside import (
-    RAISED_SURFACES,
-    LowSkin,
-    feet_pixels,
-    ground_at_soles,
-    low_skin,
-)
 from physic_core.engine.ground.carriers import carried_people
 from physic_core.engine.ground.floor import (
     SOLE_SIGMA,
     FloorCandidate,
     FloorEvidence,
     GroundAtSoles,
-    chosen_floor,
+    describe_floor,
     floor_candidates,
-    standing_odds,
+    standing_log_odds,
     standing_score,
 )
+from physic_core.engine.ground.ground_near_people import (
+    RAISED_SURFACES,
+    LowSkin,
+    feet_pixels,
+    ground_at_soles,
+    low_skin,
+)
 from physic_core.engine.ground.lying import people_backgrounds
-from physic_core.engine.ground.posture import may_rest_on_any_part, trunk_planes_of_standing
+from physic_core.engine.ground.posture import may_rest_on_any_skin, trunk_planes_of_standing
 from physic_core.engine.ground.report import (
     floor_witnesses,
     rival_note,
@@ -77,7 +77,7 @@ from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
-    from physic_core.engine.photo import PhotoContent, PixelPoints
+    from physic_core.engine.photo_content import PhotoContent, PixelPoints
     from physic_core.types import (
         Bodies,
         BoolArray,
@@ -208,7 +208,7 @@ def find_ground(
     bodies: Bodies,
     model: BodyModel,
     candidates: tuple[FloorCandidate, ...],
-    about_floor: FloorEvidence,
+    evidence: FloorEvidence,
     depth: DepthMap | None = None,
 ) -> Ground:
     """Choose the floor, and find the scale of the scene and who stands.
@@ -218,33 +218,39 @@ def find_ground(
         bodies: of the people.
         model: of the bodies.
         candidates: of :func:`scene_floor_candidates`.
-        about_floor: evidence of the photo.
+        evidence: evidence of the photo.
         depth: metric depth of the scene with a scale of its own: it votes, too, or decides if it
             was measured.
     """
-    up = surest_up(None, about_floor.up, about_floor.slope_sigma_deg).direction
+    up = surest_up(None, evidence.up, evidence.slope_sigma_deg).direction
     people = _people_evidence(photo, bodies, model, up)
     scene = photo.scene_map
-    shows_ground = about_floor.seen_ground is not None
+    shows_ground = evidence.seen_ground is not None
     at_soles = ground_at_soles(photo, people.low, up) if shows_ground else ()
     planes = [_floor_hypothesis(candidate, people, photo, at_soles) for candidate in candidates]
     scores = [sum(p.nats.values()) for p in planes]
-    own = None if depth is None else depth_witness(depth, scene, photo.camera, people.torsos)
+    depth_evidence = (
+        None if depth is None else depth_witness(depth, scene, photo.camera, people.torsos)
+    )
     usual = Witnesses.single(USUAL_DEPTH_M / median_depth(scene), USUAL_DEPTH_SIGMA, 1.0)
     kinds = {"size": people.torsos, "usual depth of scenes": usual}
-    if own is not None and depth is not None and not is_measured(depth):
-        kinds["metric depth"] = own
+    if depth_evidence is not None and depth is not None and not is_measured(depth):
+        kinds["metric depth"] = depth_evidence
     on_planes = [(p.soles, p.camera) for p in planes]
     shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
     vote = vote_on_scale([*kinds.values()], on_planes, scores, shift_sigma or 0.0)
     scales_by_people = [people.torsos.scale, *(p.soles.scale for p in planes)]
     if vote is None or not np.isfinite(scales_by_people).any():
         best = int(np.argmax(scores if vote is None else vote.weights))
-        search = chosen_floor(candidates, best, about_floor)
+        search = describe_floor(candidates, best, evidence)
         scale, guess = _guessed_scale(scene, search.plane)
-        return Ground(search, about_floor, scale, people.stance, guess)
-    ground = _ground_by_vote(vote, planes, people, kinds, about_floor, photo.known)
-    return ground if depth is None or own is None else _ground_with_depth(ground, depth, own, vote)
+        return Ground(search, evidence, scale, people.stance, guess)
+    ground = _ground_by_vote(vote, planes, people, kinds, evidence, photo.known)
+    return (
+        ground
+        if depth is None or depth_evidence is None
+        else _ground_with_depth(ground, depth, depth_evidence, vote)
+    )
 
 
 def _ground_by_vote(
@@ -252,7 +258,7 @@ def _ground_by_vote(
     planes: Sequence[_FloorHypothesis],
     people: _PeopleEvidence,
     kinds: Mapping[str, Witnesses],
-    about_floor: FloorEvidence,
+    evidence: FloorEvidence,
     known: KnownPeople,
 ) -> Ground:
     """Return the likeliest floor of a vote with its scale, who stands, and what speaks against
@@ -263,16 +269,16 @@ def _ground_by_vote(
     soles = planes[best].soles
     stance = _stance_over_floors(vote, planes, people)
     if (plane := candidates[best].plane) is not None:
-        stance = stance.with_resting(people.low.limbs_as_low(people.model, plane.normal))
+        stance = stance.with_resting(people.low.lowest_limbs(people.model, plane.normal))
     notes = size_notes(
         vote, soles, people.torsos, people.feet & (stance.stand_probability > LEAST_PROBABILITY)
     )
     of_plane = {"soles": soles, "usual height of cameras": planes[best].camera}
-    search = chosen_floor(candidates, best, about_floor)
+    search = describe_floor(candidates, best, evidence)
     search = _floor_below_bodies(search, people, vote.scale.scale)
     return Ground(
         _floor_at_given_soles(search, vote, soles, people.place_sigma),
-        about_floor,
+        evidence,
         replace(vote.scale, notes=notes + rival_note(candidates, vote.weights, best)),
         stance,
         is_scaled_by_people=True,
@@ -334,8 +340,8 @@ def _people_evidence(
     feet = np.stack(
         [observed[:, [JOINT_INDEX[f"{s}_{j}"] for j in ("ankle", "foot")]].all(1) for s in SIDES], 1
     )
-    place = _place_sigmas(bodies, vertices)
-    feet |= np.isfinite(place)[:, None]  # the user states where they are
+    place_sigma = _place_sigmas(bodies, vertices)
+    feet |= np.isfinite(place_sigma)[:, None]  # the user states where they are
     stance = Stance.in_picture(observations)
     if carriers := photo.people.carriers:
         stance = replace(stance, carried=carried_people(carriers, photo.keypoints))
@@ -344,9 +350,11 @@ def _people_evidence(
     torsos = _torsos(photo, model, vertices, sigma, real)
     lie = observations.posture[:, POSTURES.index("lie")] > LEAST_PROBABILITY
     upright = posed.joints.cpu()[torch.from_numpy(~lie)]
-    across = may_rest_on_any_part(photo.keypoints, observations)
+    across = may_rest_on_any_skin(photo.keypoints, observations)
     low = low_skin(across, torch.from_numpy(vertices), model, observed, stance.holds, up)
-    return _PeopleEvidence(model, vertices, upright, feet, real, low, stance, sigma, torsos, place)
+    return _PeopleEvidence(
+        model, vertices, upright, feet, real, low, stance, sigma, torsos, place_sigma
+    )
 
 
 def _sizes(photo: PhotoContent, bodies: Bodies) -> tuple[FloatArray, FloatArray]:
@@ -411,8 +419,8 @@ def _size_sigmas(photo: PhotoContent, stature: FloatArray, years: FloatArray) ->
         row[f"{side}_{joint}"] for side in SIDES for joint in _LIMBS if f"{side}_{joint}" in row
     ]
     confidence = np.maximum(keypoints.confidence[:, used].mean(1), 1e-3) if used else 1.0
-    shown = np.sqrt(np.maximum(photo.people.masks.sum((1, 2)), 1)) * confidence
-    share = np.maximum(shown / shown.max(initial=1e-9), _LEAST_SHOWN)
+    visible_px = np.sqrt(np.maximum(photo.people.masks.sum((1, 2)), 1)) * confidence
+    share = np.maximum(visible_px / visible_px.max(initial=1e-9), _LEAST_SHOWN)
     return np.asarray(np.maximum(sigma, _LEAST_SIZE_SIGMA) / np.sqrt(share))
 
 
@@ -448,7 +456,7 @@ def _weights_by_ground(
         points = photo.scene_map.points[rows, columns][is_known].astype(np.float64)
         if len(points):
             height = float(np.median(points @ plane.normal)) / plane.offset + 1
-            weights[ground.person] = min(1.0, standing_odds(height))
+            weights[ground.person] = min(1.0, standing_log_odds(height))
     return weights
 
 

@@ -16,13 +16,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.engine.ground.posture import keypoints_of_both_sides
+from physic_core.engine.ground.posture import keypoints_by_side
 from physic_core.geometry.inverse_depth import planes_through, weighted_plane
 from physic_core.geometry.pixels import dilate_square, median
 from physic_core.types.skeletons import SEEN_CONFIDENCE
 
 if TYPE_CHECKING:
-    from physic_core.engine.photo import PhotoContent
+    from physic_core.engine.photo_content import PhotoContent
 
 LYING_RATE = 0.05
 """Share of photos in which people lie beneath the camera."""
@@ -81,32 +81,35 @@ class Background:
 def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
     """Return the background around each person whose shoulders and ankles are seen."""
     soft, wall = (photo.labelled(*names) for names in (_SOFT, _WALL))
-    points, confidence = keypoints_of_both_sides(photo.keypoints, "shoulder", "ankle")
+    points, confidence = keypoints_by_side(photo.keypoints, "shoulder", "ankle")
     ends = points.mean(2)
     visible = (confidence >= SEEN_CONFIDENCE).all((1, 2)) & np.isfinite(ends).all((1, 2))
     backgrounds = []
     for i in np.flatnonzero(visible).tolist():
         mask = photo.masks[i]
         start, end = torch.from_numpy(ends[i]).double()
-        way = end - start
-        length = float(torch.linalg.vector_norm(way))
+        axis = end - start
+        length = float(torch.linalg.vector_norm(axis))
         if length < _SMALLEST * mask.shape[0]:
             continue
         ring = dilate_square(mask, max(2, round(_RING * length))) & ~photo.hole
         rows, columns = ring.nonzero(as_tuple=True)
         body = (mask & photo.aligned_points.valid).nonzero()
-        along = (body.flip(1) - start) @ way / length**2
-        parts = [body[(along > low) & (along < high)] for low, high in _PARTS]
-        if min(len(rows), *map(len, parts)) < _FEWEST:
+        along = (body.flip(1) - start) @ axis / length**2
+        sections = [body[(along > low) & (along < high)] for low, high in _PARTS]
+        if min(len(rows), *map(len, sections)) < _FEWEST:
             continue
         places = torch.stack(
-            [median(photo.aligned_points.points[part.unbind(1)].double()) for part in parts]
+            [
+                median(photo.aligned_points.points[section.unbind(1)].double())
+                for section in sections
+            ]
         )
         backgrounds.append(
             Background(
                 rows,
                 columns,
-                (torch.stack([columns, rows], 1) - start) @ way / length**2,
+                (torch.stack([columns, rows], 1) - start) @ axis / length**2,
                 float(soft[ring].double().mean()),
                 float(wall[ring].double().mean()),
                 places / places[:, 2:],

@@ -44,7 +44,7 @@ _TURNED_TO_CAMERA = 0.5  # cosine of the angle by which shoulders and hips diffe
 _BACK = 3.4
 
 
-def keypoints_of_both_sides(keypoints: Keypoints, *joints: str) -> tuple[FloatArray, FloatArray]:
+def keypoints_by_side(keypoints: Keypoints, *joints: str) -> tuple[FloatArray, FloatArray]:
     """Return the left and right keypoints of J joints of N people: points (N, J, 2, 2) px and
     confidence (N, J, 2); NaN and 0 of those that the skeleton lacks.
     """
@@ -60,7 +60,7 @@ def keypoints_of_both_sides(keypoints: Keypoints, *joints: str) -> tuple[FloatAr
     return points, confidence
 
 
-def weigh_posture(said: Observations, keypoints: Keypoints) -> Observations:
+def weigh_posture(observations: Observations, keypoints: Keypoints) -> Observations:
     """Return observations of N people whose posture is weighed by the axis of the trunk: the share
     of each posture in the fitted data gives way to that of people whose trunk points to the side,
     and whose legs carry the hips or do not.
@@ -69,24 +69,24 @@ def weigh_posture(said: Observations, keypoints: Keypoints) -> Observations:
         said: of the people.
         keypoints: of the same people.
     """
-    axis = np.abs(trunk_in_picture_deg(keypoints))
+    axis = np.abs(trunk_image_angle_deg(keypoints))
     low, high = _ACROSS_DEG
     across = np.nan_to_num(np.clip((axis - low) / (high - low), 0, 1))[:, None]
     usual, bent = (
         np.array([shares.get(name, _ACROSS_OTHERS) for name in POSTURES])
         for shares in (_ACROSS, _BENT)
     )
-    usual = np.where(_stands_on_a_leg(keypoints)[:, None], bent / bent.sum(), usual / usual.sum())
-    share = np.maximum(said.posture_share.astype(np.float64), _LEAST_SHARE)
+    usual = np.where(_has_standing_leg(keypoints)[:, None], bent / bent.sum(), usual / usual.sum())
+    share = np.maximum(observations.posture_share.astype(np.float64), _LEAST_SHARE)
     prior = (1 - across) * share + across * usual
-    posture = said.posture * prior / share
+    posture = observations.posture * prior / share
     posture /= posture.sum(1, keepdims=True)
-    return replace(said, posture=posture.astype(np.float32))
+    return replace(observations, posture=posture.astype(np.float32))
 
 
-def _stands_on_a_leg(keypoints: Keypoints) -> BoolArray:
+def _has_standing_leg(keypoints: Keypoints) -> BoolArray:
     """Return who of N people has a seen leg far below the hips in the picture (N,)."""
-    points, confidence = keypoints_of_both_sides(keypoints, "hip", "knee", "ankle")
+    points, confidence = keypoints_by_side(keypoints, "hip", "knee", "ankle")
     points = points.astype(np.float64)
     visible = confidence.min(1) >= SEEN_CONFIDENCE
     length = np.linalg.norm(np.diff(points, axis=1), axis=-1).sum(1).max(1)
@@ -95,7 +95,7 @@ def _stands_on_a_leg(keypoints: Keypoints) -> BoolArray:
     return np.asarray((visible & (knee > _KNEE_BELOW) & (ankle > _ANKLE_BELOW)).any(1))
 
 
-def is_back_taken_for_front(said: Observations, keypoints: Keypoints) -> BoolArray:
+def seems_reversed(observations: Observations, keypoints: Keypoints) -> BoolArray:
     """Return who of N people (N,) is likely seen from behind, while the 3D keypoints face the
     camera: pose networks guess the face that a head hides.
 
@@ -109,23 +109,25 @@ def is_back_taken_for_front(said: Observations, keypoints: Keypoints) -> BoolArr
         return np.zeros(len(keypoints.points), bool)
     a, b, c, d = (keypoints.world[:, names.index(end)] for end in ends)
     x, _, z = (a - b + c - d).T
-    return np.asarray((x > _TURNED_TO_CAMERA * np.hypot(x, z)) & (said.evidence("away") > _BACK))
+    return np.asarray(
+        (x > _TURNED_TO_CAMERA * np.hypot(x, z)) & (observations.evidence("away") > _BACK)
+    )
 
 
-def is_upright(keypoints: Keypoints, said: Observations) -> BoolArray:
+def is_upright(keypoints: Keypoints, observations: Observations) -> BoolArray:
     """Return who of N people is upright (N,), unless picture or observer says otherwise.
 
     Args:
         keypoints: of the people.
         said: of the same people.
     """
-    axis = trunk_in_picture_deg(keypoints)
+    axis = trunk_image_angle_deg(keypoints)
     postures = [POSTURES.index(name) for name in _UPRIGHT_POSTURES]
-    likely = said.posture[:, postures].sum(1)
+    likely = observations.posture[:, postures].sum(1)
     return np.asarray(~(np.abs(axis) > UPRIGHT_DEG) & ~(likely < LEAST_PROBABILITY))
 
 
-def may_rest_on_any_part(keypoints: Keypoints, said: Observations) -> BoolArray:
+def may_rest_on_any_skin(keypoints: Keypoints, observations: Observations) -> BoolArray:
     """Return who of N people lies, planks or is on all fours (N,), and so may rest on any part: by
     the trunk in the picture, or by the observer.
 
@@ -134,20 +136,20 @@ def may_rest_on_any_part(keypoints: Keypoints, said: Observations) -> BoolArray:
         said: of the same people.
     """
     trunk_visible = (
-        keypoints_of_both_sides(keypoints, "shoulder", "hip")[1].min((1, 2)) >= SEEN_CONFIDENCE
+        keypoints_by_side(keypoints, "shoulder", "hip")[1].min((1, 2)) >= SEEN_CONFIDENCE
     )
-    across = trunk_visible & (np.abs(trunk_in_picture_deg(keypoints)) > UPRIGHT_DEG)
-    return np.asarray(across | (said.posture[:, POSTURES.index("lie")] > LEAST_PROBABILITY))
+    across = trunk_visible & (np.abs(trunk_image_angle_deg(keypoints)) > UPRIGHT_DEG)
+    return np.asarray(across | (observations.posture[:, POSTURES.index("lie")] > LEAST_PROBABILITY))
 
 
-def surely_stand(said: Observations) -> BoolArray:
+def is_surely_standing(observations: Observations) -> BoolArray:
     """Return which of N people surely stand or walk by the observer, (N,) bool."""
     postures = [POSTURES.index(name) for name in ("stand", "walk")]
-    return np.asarray(said.posture[:, postures].sum(1) > _STANDS)
+    return np.asarray(observations.posture[:, postures].sum(1) > _STANDS)
 
 
 def trunk_planes_of_standing(
-    keypoints: Keypoints, said: Observations, camera: Intrinsics
+    keypoints: Keypoints, observations: Observations, camera: Intrinsics
 ) -> FloatArray:
     """Return the unit normals (M, 3) of the planes through the camera and the trunks of those who
     stand or walk by the observer, whichever way they point.
@@ -157,8 +159,8 @@ def trunk_planes_of_standing(
         said: of the same people.
         camera: of the photo.
     """
-    points, confidence = keypoints_of_both_sides(keypoints, "shoulder", "hip")
-    stands = surely_stand(said)
+    points, confidence = keypoints_by_side(keypoints, "shoulder", "hip")
+    stands = is_surely_standing(observations)
     stands &= confidence.min((1, 2)) >= SEEN_CONFIDENCE
     pixels = points[stands].reshape(-1, 4, 2).astype(np.float64)
     rays = np.concatenate([pixels, np.ones((*pixels.shape[:2], 1))], 2)
@@ -167,10 +169,10 @@ def trunk_planes_of_standing(
     return np.asarray(normals / (np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12))
 
 
-def trunk_in_picture_deg(keypoints: Keypoints) -> FloatArray:
+def trunk_image_angle_deg(keypoints: Keypoints) -> FloatArray:
     """Return the angle (N,) from up in the picture to the line from hips to shoulders, degrees in
     (-180, 180], clockwise; NaN where a joint is unknown.
     """
-    middles = keypoints_of_both_sides(keypoints, "shoulder", "hip")[0].mean(2, dtype=np.float64)
+    middles = keypoints_by_side(keypoints, "shoulder", "hip")[0].mean(2, dtype=np.float64)
     trunk = middles[:, 0] - middles[:, 1]
     return np.asarray(np.degrees(np.arctan2(trunk[:, 0], -trunk[:, 1])))

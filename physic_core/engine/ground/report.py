@@ -42,8 +42,8 @@ def size_notes(
         else vote.residuals(torsos)
     )
     return tuple(
-        f"by all other evidence, person {i} is {_times(-ratio[i])} times as tall as in the result: "
-        f"this stature and distance may be wrong by that factor. "
+        f"by all other evidence, person {i} is {_factor_text(-ratio[i])} times as tall as in the "
+        f"result: this stature and distance may be wrong by that factor. "
         + (
             f"For a child, give {size_option('--age YEARS', len(ratio))}, for a small person "
             f"--stature METERS in the same order; leave out a figure or picture by --ignore x,y"
@@ -54,7 +54,7 @@ def size_notes(
     )
 
 
-def _times(log_ratio: float) -> str:
+def _factor_text(log_ratio: float) -> str:
     """Format a factor; one that no person can have only by its side."""
     if abs(log_ratio) > math.log(_LARGEST_FACTOR):
         return "more than 5" if log_ratio > 0 else "less than 0.2"
@@ -92,12 +92,12 @@ def floor_witnesses(
     probability, and the nats of each witness.
     """
     rows = []
-    for candidate, own, weight in zip(candidates, nats, weights.tolist(), strict=True):
+    for candidate, candidate_nats, weight in zip(candidates, nats, weights.tolist(), strict=True):
         fit = candidate.plane
         row: dict[str, Any] = {"source": "no floor" if fit is None else fit.source}
         if fit is not None:
             row["pitch_deg"] = -math.degrees(math.asin(float(fit.normal[2])))
-        rows.append(row | {"probability": weight, "nats": dict(own)})
+        rows.append(row | {"probability": weight, "nats": dict(candidate_nats)})
     return sorted(rows, key=lambda row: -row["probability"])
 
 
@@ -156,7 +156,9 @@ def scale_note(
     """
     stand = sum(has_sole_on_floor(person) for person in contacts)
     if floor is not None and stand and not lie:
-        origin = f"where the feet of {_people(stand)} touch the floor, and on the body's height"
+        origin = (
+            f"where the feet of {_people_text(stand)} touch the floor, and on the body's height"
+        )
     else:
         if lie:
             why = "who probably lie"
@@ -164,12 +166,12 @@ def scale_note(
             why = "because no floor was detected"
         else:
             why = "because no feet on a floor are visible"
-        origin = f"the usual height of {_people(bodies)}, {why}"
+        origin = f"the usual height of {_people_text(bodies)}, {why}"
     option = size_option("--stature METERS", len(contacts))
     error = "" if sigma is None else f", and may be off by {sigma:.0%} (one standard deviation)"
     return f"all sizes depend mainly on {origin}{error}. If you know a height, give {option}"
 
 
-def _people(count: int) -> str:
+def _people_text(count: int) -> str:
     """Format the number of people."""
     return "1 person" if count == 1 else f"{count} people"

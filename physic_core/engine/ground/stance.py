@@ -14,7 +14,7 @@ from physic_core.engine.ground.carriers import NOTHING, Carried
 from physic_core.engine.ground.touch import (
     floor_probability,
     touch_probability,
-    usual_touch,
+    touch_rates,
 )
 from physic_core.types.arrays import PER_PERSON
 from physic_core.types.observations import LEAST_PROBABILITY, TOUCH_PARTS, TOUCHED
@@ -83,7 +83,7 @@ class Stance(ShortRepr):
     @property
     def _likely_touch(self) -> FloatArray:
         """``touch`` (N, 10, 5), the rates of all people where the observer does not say."""
-        return np.where(np.isnan(self.touch), usual_touch(), self.touch)
+        return np.where(np.isnan(self.touch), touch_rates(), self.touch)
 
     @property
     def holds(self) -> BoolArray:
@@ -100,15 +100,15 @@ class Stance(ShortRepr):
         probably rests, these touch by what is seen of them, or else by that; not hands that hold
         something, which may be a bar.
         """
-        own = self._likely_touch[:, :4]
-        world = own[..., WORLD]
+        likely_touch = self._likely_touch[:, :4]
+        world = likely_touch[..., WORLD]
         lifted = (1 - world) * (1 - self.rest_probability[:, None])
         rests = limbs & (self.rest_probability >= LEAST_PROBABILITY)[:, None]
         rests[:, 2:] &= ~self.holds
-        own = own * (lifted / (1 - world))[..., None]
-        own[..., WORLD] = 1 - lifted
+        likely_touch = likely_touch * (lifted / (1 - world))[..., None]
+        likely_touch[..., WORLD] = 1 - lifted
         touch = self.touch.copy()
-        touch[:, :4] = np.where(rests[..., None], own, touch[:, :4])
+        touch[:, :4] = np.where(rests[..., None], likely_touch, touch[:, :4])
         return replace(self, touch=touch)
 
     def expanded(self, rows: BoolArray) -> Stance:

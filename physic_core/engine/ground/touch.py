@@ -33,14 +33,14 @@ def touch_probability(evidence: FloatArray) -> FloatArray:
     of :mod:`physic_core.types.observations`, by what an observer says beyond its share (..., 10,
     5); where it says 0, nothing, those of an average part.
     """
-    probability: FloatArray = softmax(evidence + np.log(usual_touch()), -1)
+    probability: FloatArray = softmax(evidence + np.log(touch_rates()), -1)
     return probability
 
 
 @cache
-def usual_touch() -> FloatArray:
+def touch_rates() -> FloatArray:
     """Return the share (10, 5) of each of ``TOUCH_PARTS`` that touches each of ``TOUCHED``."""
-    rates = [_fitted()["rates"][part.rpartition("_")[2]] for part in TOUCH_PARTS]
+    rates = [_fitted_numbers()["rates"][part.rpartition("_")[2]] for part in TOUCH_PARTS]
     return np.array([[rate[word] for word in TOUCHED] for rate in rates])
 
 
@@ -48,30 +48,30 @@ def floor_probability(evidence: FloatArray) -> FloatArray:
     """Return the probability (...) that feet that touch are on the floor, by what an observer says
     beyond its share (...).
     """
-    probability: FloatArray = expit(evidence + logit(_fitted()["floor rate"]))
+    probability: FloatArray = expit(evidence + logit(_fitted_numbers()["floor rate"]))
     return probability
 
 
-def usual_world_touch(part: str) -> float:
+def world_touch_rate(part: str) -> float:
     """Return the share of a body part, such as "left_hand", that touches the world."""
     row = OBSERVED.get(part)
     if row is None:
-        return float(_fitted()["rate of others"])
-    return float(usual_touch()[row, TOUCHED.index("world")])
+        return float(_fitted_numbers()["rate of others"])
+    return float(touch_rates()[row, TOUCHED.index("world")])
 
 
 def touch_by_distance(part: str, distance: Tensor) -> Tensor:
     """Return the probability (...) that a body part touches the world, by its distance (...) from
     the nearest surface in standard deviations; its share where distance tells no more.
     """
-    model = _fitted()["parts"].get(part.rpartition("_")[2])
+    model = _fitted_numbers()["parts"].get(part.rpartition("_")[2])
     if model is None:
-        return torch.full_like(distance, usual_world_touch(part))
+        return torch.full_like(distance, world_touch_rate(part))
     return torch.sigmoid(model["constant"] + model["distance"] * distance)
 
 
 @cache
-def _fitted() -> Mapping[str, Any]:
+def _fitted_numbers() -> Mapping[str, Any]:
     text = (files("physic_core.engine.ground") / "touch.json").read_text(encoding="utf-8")
     fitted: Mapping[str, Any] = json.loads(text)
     return fitted

@@ -37,13 +37,19 @@ if TYPE_CHECKING:
     from physic_core.engine.joint.term import RobustLoss as RobustLoss
     from physic_core.engine.joint.term import Snapshot as Snapshot
     from physic_core.engine.joint.term import Term as Term
-    from physic_core.engine.joint.terms.body import LimitTerm as LimitTerm
-    from physic_core.engine.joint.terms.body import SceneScaleTerm as SceneScaleTerm
-    from physic_core.engine.joint.terms.body import parameter_energy as parameter_energy
-    from physic_core.engine.joint.terms.body import vertex_weights as vertex_weights
-    from physic_core.engine.joint.terms.picture import ReprojectionTerm as ReprojectionTerm
-    from physic_core.engine.joint.terms.picture import finite_keypoints as finite_keypoints
-    from physic_core.engine.joint.terms.picture import weights_inside_image as weights_inside_image
+    from physic_core.engine.joint.terms.priors import LimitTerm as LimitTerm
+    from physic_core.engine.joint.terms.priors import SceneScaleTerm as SceneScaleTerm
+    from physic_core.engine.joint.terms.priors import parameter_energy as parameter_energy
+    from physic_core.engine.joint.terms.priors import vertex_weights as vertex_weights
+    from physic_core.engine.joint.terms.reprojection_and_depth import (
+        ReprojectionTerm as ReprojectionTerm,
+    )
+    from physic_core.engine.joint.terms.reprojection_and_depth import (
+        finite_keypoints as finite_keypoints,
+    )
+    from physic_core.engine.joint.terms.reprojection_and_depth import (
+        weights_inside_image as weights_inside_image,
+    )
     from physic_core.engine.joint.variables import BODY as BODY
     from physic_core.engine.joint.variables import FACE as FACE
     from physic_core.engine.joint.variables import HANDS as HANDS
@@ -57,8 +63,8 @@ _NAMES = {
     "sampling": "Sampling VisibilitySettings root_relative with_static_contacts",
     "snapshot": "ContactState HIDDEN_LIMB_SHARE OcclusionTracker Visibility update_visibility",
     "term": "PosedBodies RobustLoss Snapshot Term",
-    "terms.body": "LimitTerm SceneScaleTerm parameter_energy vertex_weights",
-    "terms.picture": "ReprojectionTerm finite_keypoints weights_inside_image",
+    "terms.priors": "LimitTerm SceneScaleTerm parameter_energy vertex_weights",
+    "terms.reprojection_and_depth": "ReprojectionTerm finite_keypoints weights_inside_image",
     "variables": "BODY Estimate FACE HANDS Variables",
 }
 

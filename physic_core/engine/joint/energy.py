@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.method import JointStageMethod
-from physic_core.engine.joint.precompute import precompute
+from physic_core.engine.joint.prepare_sampling import precompute_sampling
 from physic_core.engine.joint.snapshot import (
     MAX_MOTION_M,
     OcclusionTracker,
@@ -17,7 +17,7 @@ from physic_core.engine.joint.snapshot import (
 )
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.people import connected_groups
-from physic_core.engine.joint.terms.picture import ViewsTerm
+from physic_core.engine.joint.terms.reprojection_and_depth import ViewsTerm
 from physic_core.engine.state import State
 from physic_core.errors import PhysicError
 
@@ -48,13 +48,13 @@ class JointEnergy:
     def __init__(self, state: State, settings: JointStageMethod) -> None:
         self.state = state
         self._settings = settings
-        self.sampling = precompute(state, settings)
+        self.sampling = precompute_sampling(state, settings)
         self.variables = settings.initial_variables(self.sampling)
         weights = self.sampling.person_weights
         self._people = None if bool((weights == 1).all()) else weights
         self.terms = tuple(settings.terms(self.sampling, self.variables))
         if state.known is not None:  # known sizes are a part of every energy
-            from physic_core.engine.joint.terms.body import KnownSizeTerm
+            from physic_core.engine.joint.terms.priors import KnownSizeTerm
 
             self.terms = (*self.terms, KnownSizeTerm(self.sampling))
         if state.views and not any(isinstance(term, ViewsTerm) for term in self.terms):

@@ -71,5 +71,5 @@ def _sole_heights(state: State) -> Tensor:
         state.vertices @ floor.normal.to(state.vertices)
         + floor.offset * state.unapplied_scene_scale
     )
-    feet = [state.model.on_parts(f"{side}_foot") for side in SIDES]
+    feet = [state.model.part_mask(f"{side}_foot") for side in SIDES]
     return torch.stack([height[:, foot].amin(1) for foot in feet], 1)

@@ -118,7 +118,7 @@ def with_static_contacts(state: State) -> State:
     """Return the state with contact of :data:`STATIC_CONTACT_PARTS` of all people, instead of the
     prior's.
     """
-    static = state.model.in_contact_sets(*STATIC_CONTACT_PARTS)
+    static = state.model.contact_set_mask(*STATIC_CONTACT_PARTS)
     return replace(state, contact_prior=static.to(state.contact_prior).expand(len(state), -1))
 
 

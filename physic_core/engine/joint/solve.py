@@ -15,13 +15,13 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.method import JointStageMethod
 from physic_core.engine.joint.optimiser import MinimisationResult, Optimiser, join_results
 from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.terms.people import MeetingTerm
+from physic_core.engine.joint.terms.people import SkinContactTerm
 from physic_core.engine.scene.method import SceneStageMethod
+from physic_core.engine.skin_contact import SkinContact
 from physic_core.engine.state import Estimates, JointResult, State
-from physic_core.engine.whom import Meeting
 from physic_core.geometry.pixels import span_of_true
 from physic_core.geometry.pointmap import edge_ratio, pointmap_normals
-from physic_core.geometry.visibility import move_behind_bodies
+from physic_core.geometry.visibility import move_out_of_bodies
 
 _INVALID_START = "the start has non-finite parameters or is behind the camera"
 _INVALID_ENERGY = "the energy of the start is not finite"
@@ -79,27 +79,29 @@ def _with_late_terms(
     minimised: MinimisationResult,
     late: Sequence[Term],
     optimiser: Optimiser,
-) -> tuple[MinimisationResult, tuple[Meeting, ...]]:
+) -> tuple[MinimisationResult, tuple[SkinContact, ...]]:
     """Minimise the energy again with the late terms, and return the joined result, and the parts
     that were not pulled together: where that would move a person off the keypoints.
     """
     converged, own_terms = energy.variables.pack(), energy.terms
     misses = _reprojection(energy)
-    released: tuple[Meeting, ...] = ()
+    released: tuple[SkinContact, ...] = ()
     while True:
         groups = energy.add_terms(late)
         if groups is None and not released:
             return minimised, released
         again = optimiser.minimise(energy, groups=groups)
         off = _reprojection(energy) - misses > _OFF_KEYPOINTS
-        pulled = [one for term in late if isinstance(term, MeetingTerm) for one in term.meetings]
+        pulled = [
+            one for term in late if isinstance(term, SkinContactTerm) for one in term.skin_contacts
+        ]
         lost = [one for one in pulled if off[one.person] or off[one.other]]
         if not lost:
             return join_results(energy, origin, minimised, again), released
         released += tuple(lost)
-        late = [term for term in late if not isinstance(term, MeetingTerm)]
+        late = [term for term in late if not isinstance(term, SkinContactTerm)]
         if kept := [one for one in pulled if not (off[one.person] or off[one.other])]:
-            late.append(MeetingTerm(kept, energy.sampling))
+            late.append(SkinContactTerm(kept, energy.sampling))
         energy.terms = own_terms
         energy.variables.load(converged)
         energy.refresh()
@@ -187,7 +189,7 @@ def finalize_scene(estimates: Estimates, state: State, settings: SceneStageMetho
     bodies = state.vertices[finite] / state.unapplied_scene_scale
     unseen = estimates.photo.hole & scene.valid
     masks = state.masks[finite][:, unseen]
-    moved, out = move_behind_bodies(
+    moved, out = move_out_of_bodies(
         scene.points[unseen], bodies, state.model.faces, masks, settings.carve_m
     )
     if not bool(out.any()):

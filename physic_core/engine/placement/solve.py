@@ -16,7 +16,7 @@ from torch import Tensor
 
 from physic_core.body.joints import joint_pair
 from physic_core.engine.limbs import lowest_layer, observed_parts
-from physic_core.engine.photo import PixelPoints
+from physic_core.engine.photo_content import PixelPoints
 from physic_core.engine.placement.method import Fit, PlacementStageMethod
 from physic_core.engine.placement.terms import PlacementProblem
 from physic_core.engine.sizes.known_sizes import LocatedSizes, size_factors

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from physic_core.engine.photo import PixelPoints
+from physic_core.engine.photo_content import PixelPoints
 from physic_core.engine.scene.method import METRIC_DEPTH_TOLERANCE
 from physic_core.engine.sizes.evidence import USUAL_DEPTH_M, median_depth
 from physic_core.geometry.alignment import AlignmentOptions, apply_alignment, fit_alignment

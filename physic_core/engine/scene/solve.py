@@ -19,7 +19,7 @@ from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.model import BodyModel
 from physic_core.engine.ground.floor import FloorEvidence
-from physic_core.engine.photo import PixelPoints
+from physic_core.engine.photo_content import PixelPoints
 from physic_core.engine.scene.method import Cameras, SceneStageMethod, scene_camera
 from physic_core.engine.scene_state import SceneState
 from physic_core.engine.sizes.known_sizes import scale_scene_to_known_sizes

@@ -26,7 +26,7 @@ from physic_core.configuration.model import DEFAULT_ENERGY, as_config
 from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.backends import find_backend, load_class
 from physic_core.discovery.entry_points import core_version
-from physic_core.discovery.error_text import make_each
+from physic_core.discovery.error_text import make_optional_parts
 from physic_core.discovery.plugin_code import named_plugin_code
 from physic_core.discovery.plugins import find_items
 from physic_core.errors import ConfigError, OutputError
@@ -196,7 +196,7 @@ class PhotoProcessor:
                 _SUMMARY: result.summary,
                 _PEOPLE: partial(person_rows, result),
             }
-            made, warnings = make_each(parts)
+            made, warnings = make_optional_parts(parts)
             result = result.with_warnings(*warnings) if warnings else result
             files = self._save(result, item)
         except Exception as error:  # an error of one photo must not end the batch

@@ -349,7 +349,7 @@ def _open_air(hints: Hints) -> float:
     labels = None if hints.people is None else hints.people.surfaces
     if labels is None:
         return 0.0
-    outdoors, indoors = labels.shares_of_place
+    outdoors, indoors = labels.outdoor_and_indoor_shares
     return (outdoors - indoors) / (outdoors + indoors + _FEW_LABELS)
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.judge import CheckSpec, capped, limb_keypoint_error
+from physic_core.judge import CheckSpec, capped_by_contradictions, limb_keypoint_error
 from physic_scene.matching import answer_cost
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def with_checks(result: Reconstruction, checks: Sequence[CheckResult]) -> Recons
 
 
 def _capped(trust: float | None, failures: int) -> float | None:
-    return None if trust is None else capped(trust, failures)
+    return None if trust is None else capped_by_contradictions(trust, failures)
 
 
 def checks_of_keypoints(

@@ -54,7 +54,7 @@ class PreviewGeometry:
             :func:`physic_visual.surface.mesh_backdrop`.
         backdrop_colors: (K, 3) float32 sRGB in 0-1.
         spacing: of points on a surface that faces the camera, at the median depth, metres.
-        upright: (4, 4), see :func:`physic_core.geometry.upright.world_from_camera`.
+        upright: (4, 4), see :func:`physic_core.geometry.world_frame.world_from_camera`.
         low: (3,) minimum corner of the box around the main people, upright frame; around most of
             the scene without people.
         high: (3,) maximum corner.

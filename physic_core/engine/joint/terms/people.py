@@ -18,15 +18,15 @@ from physic_core.body.model import BodyModel
 from physic_core.engine.body_parts import contact_regions
 from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.term import PosedBodies, RobustSum, Snapshot, Term
-from physic_core.engine.joint.terms.scene import (
+from physic_core.engine.joint.terms.scene_contact import (
     SLACK_M,
     SURFACE_SIGMA_M,
     ContactTermSettings,
     PenetrationSettings,
     robust_depths,
 )
+from physic_core.engine.skin_contact import SkinContact, find_skin_contacts
 from physic_core.engine.state import State
-from physic_core.engine.whom import Meeting, meetings
 from physic_core.geometry.mesh import cluster_points
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 
@@ -206,7 +206,7 @@ class PeopleTerm(Term):
         self.touch: RobustSum
         model = sampling.state.model
         self._probes, self._area = select_probes(model, sampling.ids, sampling.area)
-        self._may_touch = sampling.on_visible_part & model.on_parts("hand")[sampling.ids]
+        self._may_touch = sampling.on_visible_part & model.part_mask("hand")[sampling.ids]
 
     @property
     def links(self) -> Tensor:
@@ -243,11 +243,13 @@ _LIMB_SIGMA_M = 0.1  # error of a joint whose body estimator states none
 _JOINT = {"hand": "wrist", "lower_arm": "elbow", "foot": "ankle", "lower_leg": "knee"}
 
 
-def mutual_meetings(sampling: Sampling) -> tuple[Meeting, ...]:
+def mutual_skin_contacts(sampling: Sampling) -> tuple[SkinContact, ...]:
     """Return the parts of people that touch each other at the start by what is observed of both,
     each pair once.
     """
-    pairs = meetings(sampling.state.model, sampling.start.vertices, sampling.state.observed_touch)
+    pairs = find_skin_contacts(
+        sampling.state.model, sampling.start.vertices, sampling.state.observed_touch
+    )
     ends = {(one.person, one.part): (one.other, one.other_part) for one in pairs}
     return tuple(
         one
@@ -257,31 +259,31 @@ def mutual_meetings(sampling: Sampling) -> tuple[Meeting, ...]:
     )
 
 
-class MeetingTerm(Term):
+class SkinContactTerm(Term):
     """Gaps between parts that touch each other: squared distances of the nearest vertices, in units
     of the errors of both parts.
 
     Attributes:
-        meetings: the pairs of parts.
+        skin_contacts: the pairs of parts.
 
     Args:
-        meetings: the pairs of parts.
+        skin_contacts: the pairs of parts.
         sampling: constants of the optimisation.
     """
 
-    def __init__(self, meetings: Sequence[Meeting], sampling: Sampling) -> None:
-        self.meetings = tuple(meetings)
+    def __init__(self, skin_contacts: Sequence[SkinContact], sampling: Sampling) -> None:
+        self.skin_contacts = tuple(skin_contacts)
         model = sampling.state.model
         names, region = contact_regions(model)
         part = torch.where(model.outer, region, -1)[sampling.ids]
         self._rows = [
             [(part == names.index(name)).nonzero()[:, 0] for name in (one.part, one.other_part)]
-            for one in self.meetings
+            for one in self.skin_contacts
         ]
         self._weights = sampling.area.new_tensor(
             [
                 _MEETING_WEIGHT * one.probability / _variance(sampling.state, one)
-                for one in self.meetings
+                for one in self.skin_contacts
             ]
         )
         self._skin: Tensor
@@ -289,14 +291,14 @@ class MeetingTerm(Term):
     @property
     def links(self) -> Tensor:
         """The people (p, 2) int64 of each pair."""
-        return torch.tensor([[one.person, one.other] for one in self.meetings])
+        return torch.tensor([[one.person, one.other] for one in self.skin_contacts])
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Find the nearest vertices of each pair of parts."""
         vertices = snapshot.vertices
         count = vertices.shape[1]
         ends = []
-        for one, (own, other) in zip(self.meetings, self._rows, strict=True):
+        for one, (own, other) in zip(self.skin_contacts, self._rows, strict=True):
             skin, target = vertices[one.person, own], vertices[one.other, other]
             gap, nearest = torch.cdist(skin, target).min(1)
             chosen = gap.topk(_PAIRS, largest=False).indices
@@ -316,7 +318,7 @@ class MeetingTerm(Term):
         return {"meeting": half.new_zeros(people).index_add(0, links, half)}
 
 
-def _variance(state: State, meeting: Meeting) -> float:
+def _variance(state: State, meeting: SkinContact) -> float:
     """Return the variance of the distance of two parts, square metres."""
     return sum(
         _limb_sigma(state, person, part) ** 2

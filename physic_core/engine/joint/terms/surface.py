@@ -29,9 +29,9 @@ from physic_core.engine.joint.term import (
     Term,
     VertexDistances,
 )
-from physic_core.engine.joint.terms.body import RegularisationTerm
-from physic_core.engine.joint.terms.picture import MIN_DEPTH_M
-from physic_core.engine.joint.terms.scene import SoleTerm, lowest_sole_indices
+from physic_core.engine.joint.terms.priors import RegularisationTerm
+from physic_core.engine.joint.terms.reprojection_and_depth import MIN_DEPTH_M
+from physic_core.engine.joint.terms.scene_contact import SoleTerm, lowest_sole_indices
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from physic_core.body import turns_above
+from physic_core.body import parent_rotations
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -101,7 +101,7 @@ def point_motions(
         moments.mT,
         by_shape.mT,
         world[:, :joints, :, :3],
-        turns_above(world[..., :3], kinematics.parents[:joints]),
+        parent_rotations(world[..., :3], kinematics.parents[:joints]),
         family,
         weights,
         directions,
@@ -123,5 +123,5 @@ def _joints_by_shape(tree: JointTree, turns: Tensor, rest_by_shape: Tensor) -> T
     (K, J, 3).
     """
     steps = tree.incidence @ rest_by_shape  # of each bone
-    above = turns_above(turns, tree.kinematics.parents)
+    above = parent_rotations(turns, tree.kinematics.parents)
     return tree.family.T @ (above[:, None] @ steps[..., None])[..., 0]

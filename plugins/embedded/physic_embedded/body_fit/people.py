@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.backends.devices import limited_threads
 from physic_core.body import JOINT_NAMES, joint_pair, parameters_from_rotations, standing_legs
-from physic_core.engine.ground.posture import is_upright, surely_stand, trunk_in_picture_deg
+from physic_core.engine.ground.posture import is_surely_standing, is_upright, trunk_image_angle_deg
 from physic_core.geometry import rotmat_to_rotvec
 from physic_core.types import LEAST_PROBABILITY, POSTURES, SURE_CONFIDENCE, Bodies, Observations
 from physic_embedded.body_fit.fit import fit_bodies, fit_outlines, lifted_limbs
@@ -164,7 +164,7 @@ def _trunks_to_compare(
     people across the picture.
     """
     lies = said.posture[:, POSTURES.index("lie")] > LEAST_PROBABILITY
-    across = np.abs(trunk_in_picture_deg(keypoints))
+    across = np.abs(trunk_image_angle_deg(keypoints))
     return ((cut & ~lies) | is_known) & ~(across > _ACROSS_DEG)
 
 
@@ -280,7 +280,7 @@ def _restart(
 
 def _stands(keypoints: Keypoints, said: Observations) -> BoolArray:
     """Return which of N people surely stand or walk by picture and observer, (N,) bool."""
-    return np.asarray(surely_stand(said) & is_upright(keypoints, said))
+    return np.asarray(is_surely_standing(said) & is_upright(keypoints, said))
 
 
 def _rotation_sigma(

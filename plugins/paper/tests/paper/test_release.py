@@ -20,7 +20,7 @@ from physic_core.engine.ground.floor import FloorEvidence
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.limbs import limb_part_indices
-from physic_core.engine.photo import PixelPoints
+from physic_core.engine.photo_content import PixelPoints
 from physic_core.engine.placement.solve import human_points
 from physic_core.engine.placement.terms import PlacementProblem, term_energy
 from physic_core.engine.scene.method import Cameras

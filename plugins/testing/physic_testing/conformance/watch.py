@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
 
-from physic_core.discovery.process_state import kept_process_state
+from physic_core.discovery.process_state import restored_process_state
 from physic_testing.conformance.leaks import changed_settings, read_settings
 from physic_testing.conformance.network_and_memory import no_network
 
@@ -63,7 +63,7 @@ class Watch:
     def _settings(self, *, is_load: bool) -> Iterator[None]:
         """Watch the settings of the process; those that the pipeline restores are restored."""
         before = read_settings()
-        with kept_process_state(), no_network() as places:
+        with restored_process_state(), no_network() as places:
             try:
                 yield
             finally:

@@ -11,7 +11,7 @@ import pytest
 from physic_core import Reconstruction, export_reconstruction
 from physic_core.body import load_body
 from physic_core.export import export_frame
-from physic_core.geometry.upright import transform_points
+from physic_core.geometry.world_frame import transform_points
 
 sys.path.append(str(Path(__file__).parents[4] / "tests" / "body"))  # other_body.py
 

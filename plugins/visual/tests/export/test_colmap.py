@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.errors import ConfigError
 from physic_core.export import export_frame
-from physic_core.geometry.upright import transform_points
+from physic_core.geometry.world_frame import transform_points
 
 
 class Model:

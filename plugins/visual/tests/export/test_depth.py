@@ -11,7 +11,7 @@ import pytest
 
 from physic_core.errors import ConfigError
 from physic_core.export import export_frame
-from physic_core.geometry.upright import transform_points
+from physic_core.geometry.world_frame import transform_points
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.export import export_frame
-from physic_core.geometry.upright import transform_points
+from physic_core.geometry.world_frame import transform_points
 from physic_visual.palette import contact_legend
 from physic_visual.textures.dressed import GUESSED, dressed_bodies
 

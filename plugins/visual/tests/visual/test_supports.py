@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose
 
-from physic_core.geometry.upright import up_in_camera
+from physic_core.geometry.world_frame import up_in_camera
 from physic_core.types.contacts import BodyContact, ContactPartner, Support, SupportState
 from physic_visual.glb import combined_glb
 from physic_visual.supports import SLAB_FACES, assumed_supports

@@ -14,7 +14,7 @@ from torch import Tensor
 from physic_core.engine.ground.floor import GroundAtSoles
 from physic_core.engine.ground.stance import Stance
 from physic_core.engine.limbs import lowest_layer, observed_parts
-from physic_core.engine.photo import FEWEST_PIXELS
+from physic_core.engine.photo_content import FEWEST_PIXELS
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.arrays import select_people
 from physic_core.types.observations import TOUCH_PARTS
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from physic_core.body.model import BodyModel
-    from physic_core.engine.photo import PhotoContent
+    from physic_core.engine.photo_content import PhotoContent
     from physic_core.geometry.floor import PlaneFit
     from physic_core.types import BoolArray, FloatArray, Keypoints
 
@@ -58,20 +58,20 @@ class LowSkin(NamedTuple):
         """Return the lowest vertices (V,) bool of a person by a unit vector (3,)."""
         return lowest_layer(self.vertices[person] @ up.to(self.vertices), self.skin[person])
 
-    def limbs_as_low(self, model: BodyModel, up: Tensor) -> BoolArray:
+    def lowest_limbs(self, model: BodyModel, up: Tensor) -> BoolArray:
         """Return which left and right feet, and hands, in sight or not, are as low (N, 4); none of
         people whose trunk is.
         """
-        low = np.zeros((len(self.may_rest), 4), bool)
-        parts = [model.on_parts(name).cpu() for name in TOUCH_PARTS[:4]]
-        trunk = model.on_parts("torso").cpu()
+        is_low = np.zeros((len(self.may_rest), 4), bool)
+        limb_masks = [model.part_mask(name).cpu() for name in TOUCH_PARTS[:4]]
+        trunk = model.part_mask("torso").cpu()
         for i in np.flatnonzero(self.may_rest).tolist():
             layer = self.lowest_vertices(i, up)
             height = self.vertices[i] @ up.to(self.vertices)
             top = height[layer].amax()
             if not bool(layer[trunk].any()):
-                low[i] = [bool(height[part].amin() <= top) for part in parts]
-        return low
+                is_low[i] = [bool(height[part].amin() <= top) for part in limb_masks]
+        return is_low
 
     def scales_on_floor(self, floor: PlaneFit) -> FloatArray:
         """Return the scale (N,), metres per unit of a floor, that puts the lowest skin on it; NaN
@@ -80,8 +80,8 @@ class LowSkin(NamedTuple):
         scales = np.full(len(self.may_rest), np.nan)
         for i in np.flatnonzero(self.may_rest).tolist():
             rests = self.vertices[i][self.lowest_vertices(i, floor.normal)]
-            low = -float((rests @ floor.normal.to(self.vertices)).amin())
-            scales[i] = low / floor.offset if low > 0 else np.nan
+            lowest = -float((rests @ floor.normal.to(self.vertices)).amin())
+            scales[i] = lowest / floor.offset if lowest > 0 else np.nan
         return scales
 
     def lowest_pixels(self, person: int, up: Tensor, matrix: FloatArray) -> FloatArray:
@@ -116,23 +116,23 @@ def low_skin(
         holds: (N, 2) left and right hand.
         up: (3,) unit.
     """
-    parts = observed_parts(model.part_names, torch.from_numpy(observed))
+    visible_parts = observed_parts(model.part_names, torch.from_numpy(observed))
     for side, held in zip(SIDES, holds.T, strict=True):
-        parts[:, model.part_names.index(f"{side}_hand")] &= ~torch.from_numpy(held)
-    low = LowSkin(
-        may_rest.copy(), vertices, parts[:, model.part_of_vertex.cpu()] & model.outer.cpu()
+        visible_parts[:, model.part_names.index(f"{side}_hand")] &= ~torch.from_numpy(held)
+    people_skin = LowSkin(
+        may_rest.copy(), vertices, visible_parts[:, model.part_of_vertex.cpu()] & model.outer.cpu()
     )
-    feet = model.on_parts("foot").cpu()
+    feet = model.part_mask("foot").cpu()
     for i in np.flatnonzero(may_rest).tolist():
-        whole = bool(torch.isfinite(vertices[i]).all()) and bool(low.skin[i].any())
-        low.may_rest[i] = (
-            whole and float(feet[low.lowest_vertices(i, up)].double().mean()) < _MOST_FEET
+        whole = bool(torch.isfinite(vertices[i]).all()) and bool(people_skin.skin[i].any())
+        people_skin.may_rest[i] = (
+            whole and float(feet[people_skin.lowest_vertices(i, up)].double().mean()) < _MOST_FEET
         )
-    return low
+    return people_skin
 
 
 def ground_at_soles(
-    photo: PhotoContent, low: LowSkin | None = None, up: Tensor | None = None
+    photo: PhotoContent, low_skin_of_people: LowSkin | None = None, up: Tensor | None = None
 ) -> tuple[GroundAtSoles, ...]:
     """Return the visible ground beside the soles of each person, if the photo shows it; below the
     lowest skin of those who rest on it.
@@ -146,23 +146,31 @@ def ground_at_soles(
     on_feet = 1 - (1 - Stance.in_picture(photo.observations).stand_probability).prod(1)
     grounds = []
     for i in range(len(photo.people)):
-        rests = low is not None and up is not None and bool(low.may_rest[i])
-        if low is not None and up is not None and rests:
-            window = _below(photo, i, low.lowest_pixels(i, up, photo.camera.matrix))
+        rests = (
+            low_skin_of_people is not None
+            and up is not None
+            and bool(low_skin_of_people.may_rest[i])
+        )
+        if low_skin_of_people is not None and up is not None and rests:
+            window = _pixels_below(
+                photo, i, low_skin_of_people.lowest_pixels(i, up, photo.camera.matrix)
+            )
         else:
-            window = _at_soles(photo, i)
+            window = _pixels_at_soles(photo, i)
         ground = (window & ~photo.hole).nonzero()
         if len(ground) >= FEWEST_PIXELS:
-            at = ground[:, 0], ground[:, 1]
-            stands = float(on_feet[i])
+            pixels = ground[:, 0], ground[:, 1]
+            stand_probability = float(on_feet[i])
             if rests:
-                among_raised = float(raised[at].double().mean()) > 0.5
-                stands = _RESTS_AMONG_RAISED if among_raised else _RESTS
-            grounds.append(GroundAtSoles(*at, stands, float(photo.people.scores[i]), i))
+                among_raised = float(raised[pixels].double().mean()) > 0.5
+                stand_probability = _RESTS_AMONG_RAISED if among_raised else _RESTS
+            grounds.append(
+                GroundAtSoles(*pixels, stand_probability, float(photo.people.scores[i]), i)
+            )
     return tuple(grounds)
 
 
-def _at_soles(photo: PhotoContent, person: int) -> Tensor:
+def _pixels_at_soles(photo: PhotoContent, person: int) -> Tensor:
     """Return the pixels (H, W) bool around heels and toes."""
     height, width = photo.hole.shape
     size = float(photo.masks[person].any(1).sum())
@@ -175,20 +183,20 @@ def _at_soles(photo: PhotoContent, person: int) -> Tensor:
     return window
 
 
-def _below(photo: PhotoContent, person: int, places: FloatArray) -> Tensor:
+def _pixels_below(photo: PhotoContent, person: int, points: FloatArray) -> Tensor:
     """Return the nearest pixels (H, W) bool in sight right below places (M, 2) px of a person."""
     window = torch.zeros_like(photo.hole)
     height, width = window.shape
     mask = photo.masks[person]
     reach = max(1, round(_BELOW * math.hypot(int(mask.any(0).sum()), int(mask.any(1).sum()))))
-    for x, y in _inside(places, height, width):
+    for x, y in _pixels_inside(points, height, width):
         column = (~photo.hole[y : y + 3 * reach, x]).nonzero()[:reach, 0]
         window[y + column, x] = True
     return window
 
 
-def _inside(places: FloatArray, height: int, width: int) -> Iterator[tuple[int, int]]:
-    for x, y in np.unique(np.rint(places).astype(int), axis=0).tolist():
+def _pixels_inside(points: FloatArray, height: int, width: int) -> Iterator[tuple[int, int]]:
+    for x, y in np.unique(np.rint(points).astype(int), axis=0).tolist():
         if 0 <= x < width and 0 <= y < height:
             yield x, y
 

@@ -24,14 +24,14 @@ _SEAM = 0.55  # share of the rows with a step in the middle
 _PLAIN = 6  # deviation of the colours of a strip between them, of 255
 
 
-def half_of_twins(image: UInt8Array) -> tuple[int, int] | None:
+def half_of_stereo_pair(image: UInt8Array) -> tuple[int, int] | None:
     """Return the axis and the length of the half of an image (H, W, 3) if both halves show the
     same, side by side or one over the other; None if not.
     """
     for axis in (1, 0):
         across = image if axis == 1 else image.transpose(1, 0, 2)
         height, width = across.shape[:2]
-        gap = _gap(across)
+        gap = _gap_width(across)
         half = (width - gap) // 2
         if half < MIN_SIDE:
             continue
@@ -46,14 +46,14 @@ def half_of_twins(image: UInt8Array) -> tuple[int, int] | None:
             for part in (across[:, :half], across[:, -half:])
         ]
         views = grey if axis == 1 else [one.T for one in grey]
-        if _agreement(*(np.ascontiguousarray(one) for one in views)) >= _TWINS and (
+        if _stereo_correlation(*(np.ascontiguousarray(one) for one in views)) >= _TWINS and (
             gap or _has_seam(across)
         ):
             return axis, half
     return None
 
 
-def _gap(image: UInt8Array) -> int:
+def _gap_width(image: UInt8Array) -> int:
     """Return the width of a strip of one colour in the middle of an image (H, W, 3), px."""
     middle = image.shape[1] // 2
     reach = image.shape[1] // 16
@@ -78,7 +78,7 @@ def _has_seam(image: UInt8Array) -> bool:
     return bool((largest > beside).mean() >= _SEAM)
 
 
-def _agreement(left: FloatArray, right: FloatArray) -> float:
+def _stereo_correlation(left: FloatArray, right: FloatArray) -> float:
     """Return the median correlation of the blocks of one view (H, W) with those of the other, each
     at its best place nearby; 0 if few have texture.
     """

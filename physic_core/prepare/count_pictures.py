@@ -40,10 +40,10 @@ def count_pictures(image: UInt8Array) -> int:
     """Return the number of pictures in an image (H, W, 3), rows times columns of them; 1 without a
     strip or a seam.
     """
-    return len(_parts(image)) * len(_parts(image.transpose(1, 0, 2)))
+    return len(_part_heights(image)) * len(_part_heights(image.transpose(1, 0, 2)))
 
 
-def _parts(across: UInt8Array) -> list[int]:
+def _part_heights(across: UInt8Array) -> list[int]:
     """Return the number of rows of each part of an image (H, W, 3) between strips along its
     rows.
     """

@@ -91,13 +91,13 @@ class Comparison(NamedTuple):
         error: of the map as it is stated, 0 to 1.
         other: error of the best other reading, if that explains the photo; otherwise ``error``.
         what: that reading, such as "mirrored".
-        cure: what to do about it.
+        advice: what to do about it.
     """
 
     error: float
     other: float
     what: str = ""
-    cure: str = ""
+    advice: str = ""
 
     @property
     def ratio(self) -> float:
@@ -107,23 +107,25 @@ class Comparison(NamedTuple):
     def __str__(self) -> str:
         return (
             f"it fits the photo better as {self.what} ({self.error:.0%} of what a network sees is "
-            f"left unexplained, and {self.other:.0%} then): {self.cure}"
+            f"left unexplained, and {self.other:.0%} then): {self.advice}"
         )
 
 
-def compare_depth(depth: FloatArray, seen: Sequence[Pointmap], camera: Intrinsics) -> Comparison:
+def compare_depth(
+    depth: FloatArray, references: Sequence[Pointmap], camera: Intrinsics
+) -> Comparison:
     """Compare a depth map with what a network sees.
 
     Args:
         depth: (H, W) along the optical axis, in any unit, NaN where unknown.
-        seen: of the same photo, with its people and without; the depth may show either.
+        references: of the same photo, with its people and without; the depth may show either.
         camera: of the photo.
     """
     small = _downsampled(depth)
-    maps = [_inverse_depth(one) for one in seen]
+    maps = [_inverse_depth(one) for one in references]
     ray = _downsampled(_ray_lengths(camera))
-    as_stated = _error(_nearness(small, ray, ""), maps)
-    if as_stated <= _AGREES and not _is_buffer(small):
+    as_stated = _error(_inverse_depth_of_reading(small, ray, ""), maps)
+    if as_stated <= _AGREES and not _is_depth_buffer(small):
         return Comparison(as_stated, as_stated)
     best = min(
         (
@@ -146,8 +148,8 @@ def _other_readings(
         turned = TURNS[turn][0](depth)
         if not (turn or quantity) or turned.shape != depth.shape:
             continue
-        error = _error(_nearness(turned, ray, quantity), maps)
-        if quantity == "a renderer's depth buffer" and _is_buffer(depth):
+        error = _error(_inverse_depth_of_reading(turned, ray, quantity), maps)
+        if quantity == "a renderer's depth buffer" and _is_depth_buffer(depth):
             error *= SURELY / 1.1  # a buffer of a narrow range is a line through inverse depth, too
         if turn and quantity:
             error *= _TWO_CHANGES
@@ -156,7 +158,7 @@ def _other_readings(
         yield error, ", and ".join(names), "; ".join(cures)
 
 
-def _is_buffer(depth: FloatArray) -> bool:
+def _is_depth_buffer(depth: FloatArray) -> bool:
     """Return whether all values are just below 1, as those of a renderer's depth buffer."""
     values_known = depth[np.isfinite(depth)]
     return bool(values_known.size and values_known.min() >= _BUFFER and values_known.max() <= 1)
@@ -169,16 +171,21 @@ def _moved_readings(
     few = [one[::2, ::2] for one in maps]
     best = max(
         product(_FIELDS, _OFFSETS, _OFFSETS),
-        key=lambda one: max(_correlation(_nearness(_moved(depth[::2, ::2], *one)), m) for m in few),
+        key=lambda one: max(
+            _correlation(_inverse_depth_of_reading(_reprojected(depth[::2, ::2], *one)), m)
+            for m in few
+        ),
     )
     if best == (1.0, 0.0, 0.0):
         return
     field, right, down = best
-    moved = _moved(depth, *best)
+    moved = _reprojected(depth, *best)
     same = np.where(np.isfinite(moved), depth, np.nan)  # others explain other pixels
-    as_stated = _error(_nearness(same), maps)
+    as_stated = _error(_inverse_depth_of_reading(same), maps)
     yield (
-        _error(_nearness(moved), maps) * _error(_nearness(depth), maps) / max(as_stated, _LEAST),
+        _error(_inverse_depth_of_reading(moved), maps)
+        * _error(_inverse_depth_of_reading(depth), maps)
+        / max(as_stated, _LEAST),
         f"of a field of view of {1 / field:.0%} of the photo's, moved by {right:+.0%} to the right "
         f"and {down:+.0%} down",
         "give a depth map that is registered to the photo, pixel by pixel",
@@ -197,7 +204,7 @@ def _padded_readings(
         picture = depth[top : top + rows, left : left + columns]
         y = (np.arange(height) + 0.5) / height * rows
         x = (np.arange(width) + 0.5) / width * columns
-        error = _error(_nearness(picture[y.astype(int)][:, x.astype(int)]), maps)
+        error = _error(_inverse_depth_of_reading(picture[y.astype(int)][:, x.astype(int)]), maps)
         yield (
             _TWO_CHANGES * error,
             f"of a picture with bars {'at the top and bottom' if shape < 1 else 'at the sides'}",
@@ -205,7 +212,7 @@ def _padded_readings(
         )
 
 
-def _moved(values: FloatArray, field: float, right: float, down: float) -> FloatArray:
+def _reprojected(values: FloatArray, field: float, right: float, down: float) -> FloatArray:
     """Return an array (h, w) as another camera sees it, NaN outside."""
     height, width = values.shape
     side = max(height, width)
@@ -218,7 +225,9 @@ def _moved(values: FloatArray, field: float, right: float, down: float) -> Float
     return np.where(inside, values_there, np.nan)
 
 
-def _nearness(depth: FloatArray, ray: FloatArray | float = 1.0, quantity: str = "") -> FloatArray:
+def _inverse_depth_of_reading(
+    depth: FloatArray, ray: FloatArray | float = 1.0, quantity: str = ""
+) -> FloatArray:
     """Return the inverse depth (h, w) of a reading, up to a factor and a shift."""
     with np.errstate(all="ignore"):
         near: FloatArray = np.asarray(_QUANTITIES[quantity][0](depth, ray), np.float64)
@@ -226,26 +235,26 @@ def _nearness(depth: FloatArray, ray: FloatArray | float = 1.0, quantity: str = 
 
 
 def _error(near: FloatArray, maps: Sequence[FloatArray]) -> float:
-    return min(_unexplained(near, one) for one in maps)
+    return min(_unexplained_share(near, one) for one in maps)
 
 
-def _common(near: FloatArray, seen: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+def _common_values(near: FloatArray, reference: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     """Return the values (n,) of both maps where they are known, without outliers of the first; None
     for too few.
     """
-    is_known = np.isfinite(near) & np.isfinite(seen)
+    is_known = np.isfinite(near) & np.isfinite(reference)
     if is_known.mean() < _FEWEST:
         return None
     x = near[is_known]
     low, high = np.percentile(x, [1, 99])
-    return np.clip(x, low, high), seen[is_known]
+    return np.clip(x, low, high), reference[is_known]
 
 
-def _unexplained(near: FloatArray, seen: FloatArray) -> float:
+def _unexplained_share(near: FloatArray, reference: FloatArray) -> float:
     """Return the mean distance of a map (h, w) from a rising line through another one, over that
     from its median.
     """
-    common = _common(near, seen)
+    common = _common_values(near, reference)
     if common is None or np.ptp(common[0]) <= 0:
         return 1.0
     x, y = common
@@ -259,8 +268,8 @@ def _unexplained(near: FloatArray, seen: FloatArray) -> float:
     return min(1.0, float(away.mean()) / usual) if slope > 0 else 1.0
 
 
-def _correlation(near: FloatArray, seen: FloatArray) -> float:
-    common = _common(near, seen)
+def _correlation(near: FloatArray, reference: FloatArray) -> float:
+    common = _common_values(near, reference)
     if common is None or min(map(np.ptp, common)) <= 0:
         return -1.0
     return float(np.corrcoef(*common)[0, 1])
@@ -293,19 +302,21 @@ def _downsampled(values: Any) -> Any:
     return values[rows][:, columns]
 
 
-def turned_masks(given: BoolArray, seen: BoolArray) -> str:
+def turned_masks(given_masks: BoolArray, detected_masks: BoolArray) -> str:
     """Return what masks or outlines of people seem to be, and the cure, such as "mirrored: exchange
     left and right"; "" if they are best as they are, or nothing is clearly better.
 
     Args:
-        given: (M, H, W), by a file; each of a person or of all.
-        seen: (N, H, W), of the people that are detected.
+        given_masks: (M, H, W), by a file; each of a person or of all.
+        detected_masks: (N, H, W), of the people that are detected.
     """
-    if not len(given) or not len(seen):
+    if not len(given_masks) or not len(detected_masks):
         return ""
-    both = [*seen, seen.any(0)]
-    small, people = (np.stack([_downsampled(mask) for mask in masks]) for masks in (given, both))
-    readings = {turn: (turned(small), cure) for turn, (turned, cure) in TURNS.items()}
+    both = [*detected_masks, detected_masks.any(0)]
+    small, people = (
+        np.stack([_downsampled(mask) for mask in masks]) for masks in (given_masks, both)
+    )
+    readings = {turn: (turned(small), advice) for turn, (turned, advice) in TURNS.items()}
     readings["inverted"] = ~small, "exchange people and background"
     apart = {
         reading: 1 - float(mask_iou(masks, people).max(1).mean())

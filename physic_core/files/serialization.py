@@ -161,7 +161,7 @@ class _Join:
             return _checked(self.arrays[name], kinds, name)
         if value is None and type(None) in kinds:
             return None
-        kind = next((one for one in kinds if _suits(one, value)), None)
+        kind = next((one for one in kinds if _matches_type(one, value)), None)
         if kind is None:
             raise TypeError(f"{name or 'the value'} is {value!r:.60}")
         if is_dataclass(kind):
@@ -214,7 +214,7 @@ def _alternatives(hint: Any) -> tuple[Any, ...]:
     return get_args(hint) if get_origin(hint) in (Union, builtin_types.UnionType) else (hint,)
 
 
-def _suits(kind: Any, value: Any) -> bool:
+def _matches_type(kind: Any, value: Any) -> bool:
     """Return whether a JSON value is one of a type, which is not a union."""
     origin = get_origin(kind) or kind
     if origin is Any:

@@ -28,7 +28,7 @@ def _log_depth(depth: Tensor | None) -> Tensor | None:
 
 
 @torch.no_grad()
-def precompute(state: State, method: JointStageMethod) -> Sampling:
+def precompute_sampling(state: State, method: JointStageMethod) -> Sampling:
     """Compute the constants of one joint optimisation of finite people."""
     person_weights = method.weigh_people(state)
     state, model = method.prepare(state), state.model
@@ -104,7 +104,7 @@ def subsample_vertices(
         ids: (n,) int64, ascending; soles and ``keep`` are always among them, cavities never.
         area: (B, n).
     """
-    keep = (keep | model.in_contact_sets("left_sole", "right_sole")) & model.outer
+    keep = (keep | model.contact_set_mask("left_sole", "right_sole")) & model.outer
     if spacing <= 0:
         ids = model.outer.nonzero(as_tuple=True)[0]
         return ids, area[:, ids]

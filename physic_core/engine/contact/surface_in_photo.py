@@ -15,13 +15,13 @@ from torch import Tensor
 
 from physic_core.engine.body_parts import SEAT
 from physic_core.engine.contact.parts import SAT_ON
-from physic_core.engine.photo import FEWEST_PIXELS
+from physic_core.engine.photo_content import FEWEST_PIXELS
 from physic_core.geometry.camera import project
 from physic_core.geometry.pixels import dilate_square
 from physic_core.types.people import GROUND_SURFACES
 
 if TYPE_CHECKING:
-    from physic_core.engine.photo import PhotoContent
+    from physic_core.engine.photo_content import PhotoContent
     from physic_core.engine.state import State
 
 _CARRIES = {
@@ -36,7 +36,7 @@ _LEAST_SHARE = 0.3  # of the pixels around a part with a label that names what i
 
 
 @dataclass(frozen=True)
-class PeopleInPicture:
+class PeopleInPhoto:
     """Where N people are in their photo.
 
     Attributes:
@@ -50,11 +50,11 @@ class PeopleInPicture:
     shown: Tensor
 
     @classmethod
-    def of(cls, photo: PhotoContent, state: State) -> PeopleInPicture:
+    def of(cls, photo: PhotoContent, state: State) -> PeopleInPhoto:
         """Return where the people of a state are with their final bodies."""
         return cls(photo, project(state.vertices, state.K).cpu(), state.visible_vertices)
 
-    def surface_beside(self, person: int, part: str, skin: Tensor) -> str | None:
+    def carrier_name_of_part(self, person: int, part: str, skin: Tensor) -> str | None:
         """Return the name of what carries a part of a person: a label, "seat" below buttocks beside
         no such label, and "" beside other parts. None if the picture does not show what is around
         the part, and of other parts.
@@ -64,21 +64,21 @@ class PeopleInPicture:
             part: name.
             skin: (V,) bool, vertices of the part.
         """
-        carries = _CARRIES.get(part.rpartition("_")[2])
-        if carries is None:
+        carrier_labels = _CARRIES.get(part.rpartition("_")[2])
+        if carrier_labels is None:
             return None
         photo = self.photo
-        labels = photo.labels[self._around(person, skin) & ~photo.hole]
+        labels = photo.labels[self._pixels_around(person, skin) & ~photo.hole]
         if len(labels) < FEWEST_PIXELS:
             return None
         share = torch.bincount(labels, minlength=len(photo.label_names)) / len(labels)
         shares = dict(zip(photo.label_names, share.tolist(), strict=True))
-        best = max(carries, key=lambda name: shares.get(name, 0.0))
+        best = max(carrier_labels, key=lambda name: shares.get(name, 0.0))
         if shares.get(best, 0.0) >= _LEAST_SHARE:
             return best
         return "seat" if part == SEAT else ""
 
-    def _around(self, person: int, skin: Tensor) -> Tensor:
+    def _pixels_around(self, person: int, skin: Tensor) -> Tensor:
         """Return the pixels (H, W) bool of skin (V,) bool of a person, and around it."""
         height, width = self.photo.hole.shape
         pixels = torch.zeros_like(self.photo.hole)

@@ -24,7 +24,7 @@ from physic_core.engine.joint.term import (
     VertexDistances,
 )
 from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
-from physic_core.engine.joint.terms.scene import OUTLIER_SIGMAS
+from physic_core.engine.joint.terms.scene_contact import OUTLIER_SIGMAS
 from physic_core.engine.joint.variables import Variables
 from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.engine.state import State

@@ -122,7 +122,7 @@ class ContactTerm(SurfaceTerm):
         self._sampling = sampling
         prior = torch.where(sampling.is_contact, sampling.contact_prior, 0.0)
         if settings.static_weight:
-            static = sampling.state.model.in_contact_sets(*STATIC_CONTACT_PARTS)
+            static = sampling.state.model.contact_set_mask(*STATIC_CONTACT_PARTS)
             prior = torch.where(
                 static[sampling.ids], prior.clamp(min=settings.static_weight), prior
             )
