@@ -35,7 +35,7 @@ from physic_embedded.body_fit.lifter import (
     LIMB_SUM_M,
     NUMBERS,
     LimbView,
-    inputs,
+    network_inputs,
 )
 from physic_embedded.body_fit.limb_keypoints import LIMBS
 
@@ -112,7 +112,7 @@ def main() -> int:
     rng = np.random.default_rng(given.seed + 1)
     observed, truth = project(poses[apart][rng.integers(0, apart.sum(), 4000)], rng)
     with torch.no_grad():
-        moved = network(_tensor(inputs(observed))).numpy().reshape(truth.shape)
+        moved = network(_tensor(network_inputs(observed))).numpy().reshape(truth.shape)
     before, after = (
         1000 * np.linalg.norm(joints - truth, axis=-1).mean()
         for joints in (observed[0], observed[0] + moved)
@@ -162,13 +162,13 @@ def fit(poses: Array, clips: NDArray[np.int64], steps: int, seed: int) -> Lifter
     _, motion, counts = np.unique(clips, return_inverse=True, return_counts=True)
     share = 1 / np.sqrt(counts[motion])
     share /= share.sum()
-    network = Lifter(inputs(project(poses[:BATCH], rng)[0]).shape[1])
+    network = Lifter(network_inputs(project(poses[:BATCH], rng)[0]).shape[1])
     optimiser = torch.optim.Adam(network.parameters())
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, LEARNING_RATE, total_steps=steps)
     for _ in range(steps):
         observed, truth = project(poses[rng.choice(len(poses), BATCH, p=share)], rng)
         wanted = _tensor((truth - observed[0]).reshape(BATCH, -1))
-        loss = (network(_tensor(inputs(observed))) - wanted).square().sum(1).mean()
+        loss = (network(_tensor(network_inputs(observed))) - wanted).square().sum(1).mean()
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()

@@ -30,7 +30,7 @@ from physic_embedded.single_view.gravity import (
     NUMBERS,
     PICTURE_PATCHES,
     PICTURE_SIDE_PX,
-    means_of_parts,
+    mean_tokens_3x3,
 )
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ def _seen(panorama: Picture, seed: Sequence[int]) -> tuple[Array, tuple[float, f
     tokens = patch_tokens(
         "depth_anything_v2_vits", opened, picture, PICTURE_SIDE_PX, PICTURE_PATCHES
     )
-    return np.asarray(means_of_parts(tokens)), (view.along, view.pitch, roll)
+    return np.asarray(mean_tokens_3x3(tokens)), (view.along, view.pitch, roll)
 
 
 def random_view(rng: np.random.Generator) -> View:

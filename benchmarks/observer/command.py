@@ -30,8 +30,8 @@ from benchmarks.truth.sets import FILMS_OF_FITS, Sample, parkour, picture_of
 from physic_embedded.person_observer import (
     NUMBERS,
     REGIONS,
+    features_of_questions,
     fitted_numbers,
-    tokens_of_questions,
 )
 from physic_testing.metrics import match_by_boxes
 
@@ -124,7 +124,7 @@ def _labelled(photo: Sample, seen: Seen) -> Iterable[LabelledPerson]:
     """Return the people of a picture that were seen, with their tokens."""
     if not len(seen.boxes):
         return
-    tokens_by_question = tokens_of_questions(seen.tokens, seen.boxes, seen.keypoints)
+    tokens_by_question = features_of_questions(seen.tokens, seen.boxes, seen.keypoints)
     boxes = [person.get("box", seen.boxes[0]) for person in photo.truth["people"]]
     same = match_by_boxes(list(seen.boxes), boxes, _LEAST_IOU).predicted_of
     for i, person in enumerate(photo.truth["people"]):

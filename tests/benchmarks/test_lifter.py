@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from benchmarks.lifter import fit, project
-from physic_embedded.body_fit.lifter import BONES, inputs
+from physic_embedded.body_fit.lifter import BONES, network_inputs
 from physic_embedded.body_fit.limb_keypoints import LIMBS
 
 STANCE = {
@@ -50,7 +50,7 @@ def test_a_short_fit_undoes_errors_of_bodies_and_repeats_bit_by_bit():
     clips = np.repeat(np.arange(10), 20)
     network, again = (fit(poses, clips, steps=60, seed=3) for _ in range(2))
     seen, truth = project(poses, np.random.default_rng(5))
-    x = torch.from_numpy(inputs(seen).astype(np.float32))
+    x = torch.from_numpy(network_inputs(seen).astype(np.float32))
     with torch.no_grad():
         moved = network(x)
         assert torch.equal(moved, again(x))

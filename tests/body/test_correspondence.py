@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from physic_convert import cached as module
-from physic_convert.cached import cached_correspondence
+from physic_convert import correspondence_cache as module
 from physic_convert.correspondence import find_correspondence
+from physic_convert.correspondence_cache import cached_correspondence
 from physic_core.body import rest_mesh_of_model
 from physic_core.conversion import convert_contact
 from physic_core.errors import BodyModelError

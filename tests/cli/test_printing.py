@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from physic_batch.process import failed_row
+from physic_batch.photo_processor import failed_row
 from physic_core import load_reconstruction
 from physic_core.cli import main
 from physic_testing.worlds import load_world

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks.same_photo import PHOTO, Variant, answer_of, change
-from physic_batch.process import batch_config
+from physic_batch.photo_processor import batch_config
 from physic_core import Pipeline, load_config
 from physic_core.body import load_body
 from physic_core.cache.folders import CACHE_VARIABLE

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from physic_batch.journal import COLUMNS, NUMBERS, all_columns
+from physic_batch.photo_processor import prepare_job
 from physic_batch.photos import PhotoItem, photo_of_row
-from physic_batch.process import prepare_job
 from physic_core.errors import ConfigError
 from physic_ray.executor import MAX_INIT_DEATHS
 from physic_ray.resources import Resources

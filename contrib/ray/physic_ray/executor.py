@@ -10,8 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from physic_batch.photo_processor import BatchJob
 from physic_batch.photos import PhotoItem
-from physic_batch.process import BatchJob
 from physic_batch.run import ExecutorSettings
 from physic_batch.workers import LOAD_LIMIT_S, error_named
 from physic_core.errors import BackendError, ConfigError

@@ -16,8 +16,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from physic_batch.photo_processor import BatchJob
 from physic_batch.photos import PhotoItem
-from physic_batch.process import BatchJob
 from physic_batch.run import run_locally
 from physic_batch.workers import WorkerSettings
 from physic_core.errors import OutputError, PhysicError

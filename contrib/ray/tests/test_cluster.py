@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 from physic_batch.journal import COLUMNS, read_journals
+from physic_batch.photo_processor import BatchJob
 from physic_batch.photos import list_photos
-from physic_batch.process import BatchJob
 from physic_batch.run import ExecutorSettings, plan_batch, run_batch, run_locally
 from physic_batch.workers import WorkerSettings
 from physic_core.configuration.model import load_config

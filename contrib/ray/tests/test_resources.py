@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from physic_batch.process import BatchJob
+from physic_batch.photo_processor import BatchJob
 from physic_batch.run import ExecutorSettings
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError

@@ -21,8 +21,8 @@ from physic_core.cli.output import echo
 from physic_core.errors import InputError, OutputError
 
 if TYPE_CHECKING:
+    from physic_batch.photo_processor import BatchJob
     from physic_batch.photos import PhotoItem, Shard
-    from physic_batch.process import BatchJob
     from physic_batch.run import BatchPlan, Executor
 
 _SAVE = (
@@ -193,7 +193,7 @@ def _job(out: Path, options: Mapping[str, Any], *, create_folder: bool) -> Batch
         options: of the command: what to save, and those of the configuration.
         create_folder: whether to create the folder.
     """
-    from physic_batch.process import prepare_job
+    from physic_batch.photo_processor import prepare_job
     from physic_core.configuration.model import load_config
 
     device = options["device"]

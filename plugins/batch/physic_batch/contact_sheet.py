@@ -305,8 +305,8 @@ def thumbnail_jpeg(result: Reconstruction, height: int, *, numbered: bool = Fals
     import numpy as np
     from PIL import Image, ImageDraw
 
-    from physic_visual.numbers import draw_numbers, heads_in_photo
     from physic_visual.panels import overlay_panel
+    from physic_visual.person_numbers import draw_numbers, heads_in_photo
     from physic_visual.views import build_preview_geometry, side_view
 
     geometry = build_preview_geometry(result)

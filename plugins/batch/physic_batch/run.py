@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from physic_batch.journal import THUMBNAIL, Journal, JournalIndex, journal_files
+from physic_batch.photo_processor import OTHER_CODE, BatchJob, PhotoProcessor, failed_row
 from physic_batch.photos import PhotoItem, Shard, photo_folder
-from physic_batch.process import OTHER_CODE, BatchJob, PhotoProcessor, failed_row
 from physic_batch.workers import WorkerSettings, default_workers, run_in_workers
 from physic_core.discovery.catalog import EXECUTORS
 from physic_core.discovery.plugins import find_item, import_item

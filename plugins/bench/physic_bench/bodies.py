@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.reading import checked_numbers, read_npz
+from physic_bench.data_files import checked_numbers, read_npz
 from physic_core.body import ROTATION_FIELDS
 from physic_core.errors import ConfigError, InputError
 

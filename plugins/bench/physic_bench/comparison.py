@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from physic_batch.contact_sheet import fill_page, find_results
-from physic_batch.process import WITHOUT_EFFECT
+from physic_batch.photo_processor import WITHOUT_EFFECT
 from physic_core.body import JOINT_NAMES
 from physic_core.errors import InputError
 from physic_core.io.result_folder import is_result, photo_identity_of_result

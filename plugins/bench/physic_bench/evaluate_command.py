@@ -17,10 +17,10 @@ from physic_core.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from physic_batch.process import BatchJob
-    from physic_bench.contract import Frame
+    from physic_batch.photo_processor import BatchJob
     from physic_bench.datasets.base import DataSet, FrameSet
-    from physic_bench.run import Method
+    from physic_bench.evaluation import Method
+    from physic_bench.types import Frame
 
 
 class _DataSets(click.Group):
@@ -153,7 +153,7 @@ def _reconstruct(
     frames: Sequence[Frame], job: BatchJob, given: _CommonOptions, report: Callable[[str], None]
 ) -> Method:
     """Reconstruct all frames, and return where the results are."""
-    from physic_bench.run import Method, reconstruct_frames
+    from physic_bench.evaluation import Method, reconstruct_frames
 
     failures = reconstruct_frames(
         frames, job, given.workers, report, with_camera=not given.no_camera
@@ -173,7 +173,7 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _CommonOptions) -
     _require_complete(chosen, options, given)
     from physic_bench.bodies import BodyFiles
     from physic_bench.datasets.base import FrameChoice
-    from physic_bench.run import evaluate_methods
+    from physic_bench.evaluation import evaluate_methods
     from physic_bench.scoring import columns_with_contact_truths
     from physic_bench.tables import check_results, write_results
     from physic_core.files import MARK, check_writable
@@ -232,8 +232,8 @@ def _job(given: _CommonOptions) -> BatchJob:
         PhysicError: the configuration is invalid, files that it needs are missing, or the folder
             cannot be written.
     """
-    from physic_batch.process import prepare_job
-    from physic_bench.run import LOGS, PICTURES
+    from physic_batch.photo_processor import prepare_job
+    from physic_bench.evaluation import LOGS, PICTURES
     from physic_core.configuration.model import load_config
     from physic_core.files import path_to_write
 
@@ -246,8 +246,8 @@ def _job(given: _CommonOptions) -> BatchJob:
 
 def _methods(given: _CommonOptions) -> list[Method]:
     """Return the methods of --results."""
-    from physic_bench.readers import READERS
-    from physic_bench.run import Method
+    from physic_bench.evaluation import Method
+    from physic_bench.predictions import READERS
 
     methods: list[Method] = []
     for text in given.results:

@@ -18,7 +18,7 @@ from physic_core.errors import InputError
 from physic_testing.metrics import PROXIMITY_RADIUS_M
 
 if TYPE_CHECKING:
-    from physic_bench.contract import Surface
+    from physic_bench.types import Surface
     from physic_core.types import BoolArray, Float64Array, Int64Array
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from physic_bench.bodies import BodyFiles
-    from physic_bench.contract import BenchPerson, Frame, Prediction, Surface, Truth
+    from physic_bench.types import BenchPerson, Frame, Prediction, Surface, Truth
     from physic_core.types import BoolArray, Float64Array, FloatArray
 
     Record = dict[str, Any]

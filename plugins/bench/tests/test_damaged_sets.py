@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from physic_bench.datasets.base import FrameChoice
-from physic_bench.datasets.rich import DATA_SET as RICH
-from physic_bench.reading import (
+from physic_bench.data_files import (
     DamagedFrameError,
     read_json,
     read_mesh,
     read_npz,
     read_pickled,
 )
+from physic_bench.datasets.base import FrameChoice
+from physic_bench.datasets.rich import DATA_SET as RICH
 
 from .miniatures import run
 from .test_rich import SEQUENCE

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from physic_bench.data_files import picture_file
 from physic_bench.datasets.base import FrameChoice
 from physic_bench.datasets.prox import DATA_SET
-from physic_bench.reading import picture_file
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.errors import OutputError
 

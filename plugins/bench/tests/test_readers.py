@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_bench.reading import (
+from physic_bench.data_files import (
     DamagedFrameError,
     open_picture,
     read_json,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from physic_bench.contract import Surface
 from physic_bench.scene_surface import SceneIndex, contact_by_rule
+from physic_bench.types import Surface
 from physic_core.errors import InputError
 
 

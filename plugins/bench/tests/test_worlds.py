@@ -12,7 +12,7 @@ from PIL import Image
 
 from physic_bench.bodies import BodyFiles
 from physic_bench.datasets.worlds import frames
-from physic_bench.run import Method, evaluate_methods
+from physic_bench.evaluation import Method, evaluate_methods
 from physic_bench.scoring import LIMB_JOINTS
 from physic_core.errors import OutputError
 from physic_testing.worlds import load_world

@@ -12,4 +12,4 @@ __all__: list[str] = []
 @hookimpl
 def physic_body_converters() -> list[PluginItem]:
     """Return the converter in closed form."""
-    return [PluginItem("closed-form", "physic_convert.bodies:ClosedForm")]
+    return [PluginItem("closed-form", "physic_convert.body_conversion:ClosedForm")]

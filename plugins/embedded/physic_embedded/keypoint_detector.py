@@ -15,9 +15,9 @@ from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.pose import person_square, predict_pose
 from physic_embedded.networks.pose_detection import detect_people
 from physic_embedded.networks.sessions import PackagedBackend
-from physic_embedded.segmentation.hidden_hips import doubt_hidden_hips
+from physic_embedded.segmentation.hidden_hips import lower_confidence_of_hidden_hips
 from physic_embedded.segmentation.people import LEAST_FIT
-from physic_embedded.segmentation.turned import look_turned, square_around
+from physic_embedded.segmentation.rotated_people import best_pose_of_turned_squares, square_around
 from physic_networks.onnx_sessions import select_provider
 from physic_networks.runtime import onnxruntime
 
@@ -76,15 +76,17 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
             self._network = super().build(self.device)
         picture = ImagePyramid.from_image(image)
         looks = [
-            self._look(picture, mask, box)
+            self._best_pose(picture, mask, box)
             for mask, box in zip(people.masks, people.boxes, strict=True)
         ]
         found = keypoints_from_poses([pose for pose, _ in looks], *image.shape[:2])
         lost = np.array([fit < LEAST_FIT for _, fit in looks], bool)
         found = replace(found, confidence=np.where(lost[:, None], np.float32(0), found.confidence))
-        return doubt_hidden_hips(found, people.masks)
+        return lower_confidence_of_hidden_hips(found, people.masks)
 
-    def _look(self, picture: ImagePyramid, mask: BoolArray, box: FloatArray) -> tuple[Pose, float]:
+    def _best_pose(
+        self, picture: ImagePyramid, mask: BoolArray, box: FloatArray
+    ) -> tuple[Pose, float]:
         """Return the pose that fits a person's mask best, and its fit."""
         box = np.asarray(box, float)
         x0, y0, x1, y1 = box
@@ -105,9 +107,11 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
             starts.append((person_square(hip, end), 2))
         network = self.network["pose_landmark_heavy"]
         looks = [predict_pose(network, picture, square, passes) for square, passes in starts]
-        best = max(looks, key=lambda pose: _fit(pose, mask))
-        pose = look_turned(network, picture, box, best, lambda one: _fit(one, mask))
-        return pose, _fit(pose, mask)
+        best = max(looks, key=lambda pose: _mask_fit(pose, mask))
+        pose = best_pose_of_turned_squares(
+            network, picture, box, best, lambda one: _mask_fit(one, mask)
+        )
+        return pose, _mask_fit(pose, mask)
 
 
 def keypoints_from_poses(poses: Sequence[Pose], height: int, width: int) -> Keypoints:
@@ -123,7 +127,7 @@ def keypoints_from_poses(poses: Sequence[Pose], height: int, width: int) -> Keyp
     )
 
 
-def _fit(pose: Pose, mask: BoolArray) -> float:
+def _mask_fit(pose: Pose, mask: BoolArray) -> float:
     """Return how well a pose fits a mask (H, W): presence times overlap of the pose's own mask with
     it.
     """

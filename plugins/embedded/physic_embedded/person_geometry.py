@@ -41,7 +41,7 @@ _OWN = ("other_hand", "nose", "belly", *(f"{side}_{joint}" for side in ("same", 
         for joint in ("shoulder", "elbow", "hip", "knee", "ankle")))  # fmt: skip
 
 
-def places(keypoints: Keypoints) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+def joint_positions(keypoints: Keypoints) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     """Return name of a joint -> (N, 2) px, and -> (N, 3) metres from the hips; NaN where the
     skeleton lacks it, or has no 3D keypoints. "hand" is the middle of wrist and knuckles, and
     "fingers" lie beyond it, where the forearm points.
@@ -90,36 +90,38 @@ def limb_geometry(part: str, boxes: FloatArray, keypoints: Keypoints) -> FloatAr
         boxes: (N, 4) x0 y0 x1 y1 px of N people.
         keypoints: of the same people.
     """
-    at, at_m = places(keypoints)
+    at, at_m = joint_positions(keypoints)
     trunk = trunk_px(at, boxes)
     sides = []
     for side, opposite in (SIDES, SIDES[::-1]):
         own, own_m = at[f"{side}_{part}"], at_m[f"{side}_{part}"]
         numbers = []
         for target in _OWN:
-            name = _of_side(target, side, opposite)
+            name = _sided_name(target, side, opposite)
             if name == f"{side}_{part}":
                 continue
-            numbers.append(_near(np.linalg.norm(own - at[name], axis=1) / trunk, _REACH))
-            numbers.append(_near(np.linalg.norm(own_m - at_m[name], axis=1), _REACH_M))
+            numbers.append(_nearness(np.linalg.norm(own - at[name], axis=1) / trunk, _REACH))
+            numbers.append(_nearness(np.linalg.norm(own_m - at_m[name], axis=1), _REACH_M))
         joints = ("shoulder", "hip", "knee", "ankle")
         heights = [(own[:, 1] - at[f"{side}_{joint}"][:, 1]) / trunk for joint in joints]
         numbers += [np.tanh(np.nan_to_num(height)) for height in heights]
-        numbers += [_bend(at_m, side, *limb) for limb in (_ARM, _LEG)]
-        numbers += others_near(own, at, trunk, boxes)
+        numbers += [_bend_cosine(at_m, side, *limb) for limb in (_ARM, _LEG)]
+        numbers += nearness_to_others(own, at, trunk, boxes)
         if part == "hand":
             fingers = at[f"{side}_fingers"]
             for bone in _NEAR_FINGERS:
-                start, end = (at[_of_side(joint, side, opposite)] for joint in bone)
-                numbers.append(_near(_from_bone(fingers, start, end) / trunk, _REACH_OF_FINGERS))
-            numbers += others_near(fingers, at, trunk, boxes)
+                start, end = (at[_sided_name(joint, side, opposite)] for joint in bone)
+                numbers.append(
+                    _nearness(_distance_to_bone(fingers, start, end) / trunk, _REACH_OF_FINGERS)
+                )
+            numbers += nearness_to_others(fingers, at, trunk, boxes)
         sides.append(np.stack(numbers, 1))
     return np.stack(sides, 1)
 
 
 def posture_geometry(boxes: FloatArray, keypoints: Keypoints) -> FloatArray:
     """Return numbers (N, 1, F) that tell what people do: arguments as for :func:`limb_geometry`."""
-    at, at_m = places(keypoints)
+    at, at_m = joint_positions(keypoints)
     trunk = trunk_px(at, boxes)
     numbers = []
     for one, other in (
@@ -130,7 +132,7 @@ def posture_geometry(boxes: FloatArray, keypoints: Keypoints) -> FloatArray:
         sides = np.stack([np.tanh(down[..., 1]), np.tanh(np.abs(down[..., 0]))], -1)
         numbers += [sides.max(1), sides.min(1)]
     for limb in (_LEG, _ARM, ("neck", "hips", "knee")):
-        bends = np.stack([_bend(at_m, side, *limb) for side in SIDES], 1)
+        bends = np.stack([_bend_cosine(at_m, side, *limb) for side in SIDES], 1)
         numbers.append(np.stack([bends.max(1), bends.min(1)], 1))
     width, height = (boxes[:, 2:] - boxes[:, :2]).T
     numbers.append(np.log(np.maximum(width, 1) / np.maximum(height, 1))[:, None])
@@ -141,7 +143,7 @@ _ARM = ("shoulder", "elbow", "wrist")
 _LEG = ("hip", "knee", "ankle")
 
 
-def _of_side(name: str, side: str, opposite: str) -> str:
+def _sided_name(name: str, side: str, opposite: str) -> str:
     """Return the name of a joint of which "same" and "other" stand for the sides."""
     return name.replace("same", side).replace("other", opposite)
 
@@ -151,7 +153,7 @@ def _joint(at: dict[str, FloatArray], side: str, name: str) -> FloatArray:
     return at[name] if name in at else at[f"{side}_{name}"]
 
 
-def _bend(at: dict[str, FloatArray], side: str, *joints: str) -> FloatArray:
+def _bend_cosine(at: dict[str, FloatArray], side: str, *joints: str) -> FloatArray:
     """Return the cosine (N,) between two bones in a row; 0 where unknown."""
     a, b, c = (_joint(at, side, joint) for joint in joints)
     first, second = b - a, c - b
@@ -159,7 +161,7 @@ def _bend(at: dict[str, FloatArray], side: str, *joints: str) -> FloatArray:
     return np.asarray(np.nan_to_num((first * second).sum(1) / (size + 1e-9)))
 
 
-def others_near(
+def nearness_to_others(
     own: FloatArray, at: dict[str, FloatArray], trunk: FloatArray, boxes: FloatArray
 ) -> list[FloatArray]:
     """Return numbers (N,) each of how near places (N, 2) px are to the bones of other people, to
@@ -171,7 +173,7 @@ def others_near(
     hands = np.full((count, count), np.inf)
     inside = np.zeros((count, count))
     for j in range(count):
-        distance[:, j] = _from_bones(own, bones[j]) / trunk[j]
+        distance[:, j] = _distance_to_bones(own, bones[j]) / trunk[j]
         ends = np.stack([at[f"{side}_hand"][j] for side in SIDES])
         hands[:, j] = np.linalg.norm(own[:, None] - ends, axis=2).min(1) / trunk[j]
         inside[:, j] = ((own >= boxes[j, :2]) & (own < boxes[j, 2:])).all(1)
@@ -179,8 +181,8 @@ def others_near(
     for matrix, none in ((distance, np.inf), (hands, np.inf), (inside, 0.0)):
         matrix[same] = none
     nearest, hand = (_far_if_unknown(each).min(1, initial=np.inf) for each in (distance, hands))
-    near = [_near(nearest, reach) for reach in _REACHES_OF_OTHERS]
-    return [*near, _near(hand, _REACHES_OF_OTHERS[0]), inside.max(1, initial=0.0)]
+    near = [_nearness(nearest, reach) for reach in _REACHES_OF_OTHERS]
+    return [*near, _nearness(hand, _REACHES_OF_OTHERS[0]), inside.max(1, initial=0.0)]
 
 
 def _same_person(at: dict[str, FloatArray], trunk: FloatArray) -> BoolArray:
@@ -191,13 +193,13 @@ def _same_person(at: dict[str, FloatArray], trunk: FloatArray) -> BoolArray:
     return np.asarray((apart < _SAME_POSE) | np.eye(len(joints), dtype=bool))
 
 
-def _from_bones(places: FloatArray, bones: FloatArray) -> FloatArray:
+def _distance_to_bones(joint_positions: FloatArray, bones: FloatArray) -> FloatArray:
     """Return the distance (N,) of places (N, 2) from the nearest of K bones (K, 2, 2), px."""
-    apart = _from_bone(places[:, None], bones[:, 0], bones[:, 1])
+    apart = _distance_to_bone(joint_positions[:, None], bones[:, 0], bones[:, 1])
     return np.asarray(_far_if_unknown(apart).min(1))
 
 
-def _from_bone(place: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+def _distance_to_bone(place: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
     """Return the distance (...) of places (..., 2) from bones between two joints (..., 2), px."""
     along = end - start
     share = ((place - start) * along).sum(-1) / ((along**2).sum(-1) + 1e-9)
@@ -210,6 +212,6 @@ def _far_if_unknown(distance: FloatArray) -> FloatArray:
     return np.where(np.isnan(distance), np.inf, distance)
 
 
-def _near(distance: FloatArray, reach: float) -> FloatArray:
+def _nearness(distance: FloatArray, reach: float) -> FloatArray:
     """Return exp(-d^2 / 2 r^2) of distances (N,); 0 where unknown."""
     return np.asarray(np.nan_to_num(np.exp(-0.5 * np.minimum(distance / reach, 30.0) ** 2)))

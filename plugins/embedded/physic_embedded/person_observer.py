@@ -19,14 +19,14 @@ from physic_core.types import SIDES, TOUCH_PARTS, TOUCHED, Observations
 from physic_embedded.body_fit.observations import rotation_to_ray
 from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.depth_anything import TOKENS, patch_tokens
-from physic_embedded.networks.face_mesh import KEYPOINTS, face_square, look_of_face
+from physic_embedded.networks.face_mesh import KEYPOINTS, face_square, predict_face_direction
 from physic_embedded.networks.sessions import (
     PackagedBackend,
     Products,
     graph_name,
     open_packaged_session,
 )
-from physic_embedded.person_geometry import limb_geometry, places, posture_geometry
+from physic_embedded.person_geometry import joint_positions, limb_geometry, posture_geometry
 from physic_networks.onnx_sessions import select_provider
 from physic_networks.runtime import onnxruntime
 
@@ -164,7 +164,9 @@ class EmbeddedPersonObserver(PackagedBackend, PersonObserver):
         tokens = patch_tokens(
             graph, self._open, image, self.options.short_side, self.options.max_tokens
         )
-        said = observed(tokens_of_questions(tokens, people.boxes, keypoints), fitted_numbers())
+        said = observations_from_features(
+            features_of_questions(tokens, people.boxes, keypoints), fitted_numbers()
+        )
         head = self._heads(image, keypoints, intrinsics)
         seen = np.isfinite(head).all(1)
         return replace(
@@ -186,7 +188,7 @@ class EmbeddedPersonObserver(PackagedBackend, PersonObserver):
             at = {name: points[row[name]] for name in KEYPOINTS}
             if not np.isfinite(list(at.values())).all():
                 continue
-            look = look_of_face(session, picture, face_square(at))
+            look = predict_face_direction(session, picture, face_square(at))
             if look is not None:
                 middle, forward = look
                 found[i] = rotation_to_ray(inverse @ [*middle, 1.0]) @ forward
@@ -207,9 +209,11 @@ def fitted_numbers() -> Mapping[str, Float32Array]:
         return read_arrays(stream)
 
 
-def observed(found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray]) -> Observations:
-    """Return the answers of N people from what :func:`tokens_of_questions` returns and the numbers
-    of :data:`NUMBERS`.
+def observations_from_features(
+    found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray]
+) -> Observations:
+    """Return the answers of N people from what :func:`features_of_questions` returns and the
+    numbers of :data:`NUMBERS`.
     """
 
     def answer(question: str) -> FloatArray:
@@ -253,7 +257,7 @@ def _set_touch(
         touch[..., rows, TOUCHED.index(name)] = column
 
 
-def tokens_of_questions(
+def features_of_questions(
     tokens: PatchTokens, boxes: FloatArray, keypoints: Keypoints
 ) -> dict[str, FloatArray]:
     """Return the numbers that answer each question: the mean tokens of its :data:`REGIONS`, and
@@ -273,16 +277,18 @@ def tokens_of_questions(
         limb: [[f"{side}_{one}" for one in own] for side in SIDES] for limb, own in LIMBS.items()
     }
     sides_of = names | {region: [own] for region, own in _OTHERS.items()}
-    at, _ = places(keypoints)
-    fingers = [tokens.around(np.nan_to_num(at[f"{side}_fingers"])) for side in SIDES]
+    at, _ = joint_positions(keypoints)
+    fingers = [tokens.mean_around(np.nan_to_num(at[f"{side}_fingers"])) for side in SIDES]
     everyone = np.ones((len(boxes), 1), bool)
     found = {
-        "box": (tokens.within(boxes)[:, None], everyone),
-        "upper_body": (tokens.within(boxes @ _UPPER_BODY)[:, None], everyone),
+        "box": (tokens.mean_in_boxes(boxes)[:, None], everyone),
+        "upper_body": (tokens.mean_in_boxes(boxes @ _UPPER_BODY)[:, None], everyone),
         "fingers": (np.stack(fingers, 1), everyone),
     }
     for region, sides in sides_of.items():
-        means, inside = zip(*(_around(tokens, keypoints, own) for own in sides), strict=True)
+        means, inside = zip(
+            *(_mean_token_around(tokens, keypoints, own) for own in sides), strict=True
+        )
         found[region] = np.stack(means, 1), np.stack(inside, 1)
     answered = {}
     for question, (first, *more) in REGIONS.items():
@@ -295,7 +301,7 @@ def tokens_of_questions(
     return answered
 
 
-def _around(
+def _mean_token_around(
     tokens: PatchTokens, keypoints: Keypoints, names: Sequence[str]
 ) -> tuple[FloatArray, BoolArray]:
     """Return the mean token (N, C) around the middle of the keypoints with these names, and whether
@@ -310,4 +316,4 @@ def _around(
     height, width = tokens.photo.size
     shown = ((middle >= -0.5) & (middle < [width - 0.5, height - 0.5])).all(1)
     shown &= (keypoints.confidence[:, columns] > 0).any(1)
-    return tokens.around(np.nan_to_num(middle)), shown
+    return tokens.mean_around(np.nan_to_num(middle)), shown

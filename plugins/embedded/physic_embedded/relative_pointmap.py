@@ -35,11 +35,15 @@ from physic_embedded.single_view.gravity import (
     PICTURE_SIDE_PX,
     UpInPhoto,
     fitted_numbers,
-    up_of_edges,
-    up_of_tokens,
+    up_from_edges,
+    up_from_tokens,
 )
-from physic_embedded.single_view.two_looks import line_through, scene_disparity
-from physic_embedded.single_view.upright import NO_PLANES, body_planes, local_disparity_planes
+from physic_embedded.single_view.scene_disparity import line_through, scene_disparity
+from physic_embedded.single_view.vertical_costs import (
+    NO_PLANES,
+    body_planes,
+    local_disparity_planes,
+)
 from physic_networks.canonical_depth import known_camera
 from physic_networks.pictures import resize_map
 
@@ -167,9 +171,9 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
                     "depth with people could not be matched to depth without them, so gaps between "
                     "people and scene may be wrong. Try --set inpainter.backend=telea"
                 )
-            look = up_of_tokens(tokens or self._small_look(image), fitted_numbers())
+            look = up_from_tokens(tokens or self._tokens_at_small_size(image), fitted_numbers())
             frame = manhattan_frame(segments, width, height, camera.fx)
-            up = up_of_edges(frame, _open_air(hints), look)
+            up = up_from_edges(frame, _outdoor_sign(hints), look)
             estimate = _disparity_at_infinity(raw, camera, hints, frame, up)
             up = up or look
             infinity = estimate.disparity
@@ -182,7 +186,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             )
         else:
             infinity, scale = found
-        gap, lost = _gap_from_infinity(raw, infinity)
+        gap, lost = _disparity_above_infinity(raw, infinity)
         unit = float(np.median(gap[~lost])) if found is None else 1 / scale
         depth = 1 / resize_map((gap / unit).astype(np.float32), height, width)
         shift_sigma = None if disparity_sigma is None else disparity_sigma / unit
@@ -226,9 +230,9 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         side = min(options.short_side, _INPAINTED_SHORT_SIDE_PX)
         small, tokens = disparity_and_tokens(network, image, side, options.max_tokens)
         photo = self._disparity_of_photo(hints.photo)
-        return scene_disparity(small, photo, _beside(hints.hole, _MARGIN, photo)), tokens
+        return scene_disparity(small, photo, _pixels_away_from(hints.hole, _MARGIN, photo)), tokens
 
-    def _small_look(self, image: UInt8Array) -> PatchTokens:
+    def _tokens_at_small_size(self, image: UInt8Array) -> PatchTokens:
         network = self.network[_DEPTH]
         return patch_tokens(
             network.name, lambda _: network, image, PICTURE_SIDE_PX, PICTURE_PATCHES
@@ -280,7 +284,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         return replace(camera, focal_sigma=sigma), note
 
 
-def _gap_from_infinity(raw: FloatArray, infinity: float) -> tuple[FloatArray, BoolArray]:
+def _disparity_above_infinity(raw: FloatArray, infinity: float) -> tuple[FloatArray, BoolArray]:
     """Return the disparities (h, w) above that of infinity, and where depth is not reliable.
 
     Raises:
@@ -339,12 +343,12 @@ def _disparity_at_infinity(
         bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
         frame=frame,
         surfaces=NO_PLANES if frame is None else local_disparity_planes(raw, seen, focal),
-        open_air=_open_air(hints),
+        open_air=_outdoor_sign(hints),
         horizon=_horizon(labelled("sky"), labelled("water", "ground")),
     )
 
 
-def _open_air(hints: Hints) -> float:
+def _outdoor_sign(hints: Hints) -> float:
     """Return whether labels are of outdoors, 1, or of rooms, -1; 0 for neither or both."""
     labels = None if hints.people is None else hints.people.surfaces
     if labels is None:
@@ -401,14 +405,14 @@ def _match_to_scene(raw: FloatArray, hints: Hints) -> tuple[float, float] | None
     usable = target > 0
     if hints.people is not None and len(hints.people):
         anybody = np.asarray(hints.people.masks.any(0))
-        usable &= _beside(anybody, _BLEEDS, raw)
+        usable &= _pixels_away_from(anybody, _BLEEDS, raw)
     if usable.mean() < 0.05:
         return None
     line = line_through(raw[usable], target[usable])
     return None if line is None else (-line[1] / line[0], line[0])
 
 
-def _beside(mask: BoolArray, margin: float, raw: FloatArray) -> BoolArray:
+def _pixels_away_from(mask: BoolArray, margin: float, raw: FloatArray) -> BoolArray:
     """Return the pixels of a map (h, w) that are farther from a mask (H, W) than a share of its
     long side.
     """

@@ -19,12 +19,12 @@ from physic_embedded.keypoint_detector import keypoints_from_poses
 from physic_embedded.networks.ade20k import label_surfaces
 from physic_embedded.networks.mobile_sam import embed_image
 from physic_embedded.networks.sessions import PackagedBackend, Products, Threads
-from physic_embedded.segmentation.chosen import DetectedPeople, choose_poses
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
-from physic_embedded.segmentation.framed import question_people
-from physic_embedded.segmentation.hidden_hips import doubt_hidden_hips
-from physic_embedded.segmentation.people import detect_poses, poses_of_same, unposed_person
+from physic_embedded.segmentation.hidden_hips import lower_confidence_of_hidden_hips
+from physic_embedded.segmentation.people import detect_poses, poses_of_same_person, unposed_person
+from physic_embedded.segmentation.people_in_pictures import halve_unlikely_people
 from physic_embedded.segmentation.person_masks import person_masks, resolve_overlaps
+from physic_embedded.segmentation.prompted_people import DetectedPeople, choose_poses
 from physic_embedded.segmentation.unposed import count_heads, segment_unposed
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             max_people=options.max_people,
         )
         if not found and not unposed and prompt is None:
-            return replace(self._nobody(image), notes=_left_out_note(left_out))
+            return replace(self._empty_result(image), notes=_left_out_note(left_out))
         embedding = embed_image(networks["mobilesam_encoder"], image)
         masks = self._masks(embedding, [person.pose for person in found])
         others: list[DetectedPose] = []
@@ -129,10 +129,10 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
                 masks,
             )
             chosen, masks = self._chosen(detected, prompt)
-            others = [one for one in found if not poses_of_same(one.pose, chosen)]
+            others = [one for one in found if not poses_of_same_person(one.pose, chosen)]
             found, unposed = chosen, []
         else:
-            found, masks, low = self._leave_out_low(found, masks)
+            found, masks, low = self._omit_low_masks(found, masks)
             unposed += low
         poses = [person.pose for person in found]
         people = np.asarray(masks.any(axis=0))
@@ -151,9 +151,9 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             carriers=carriers,
             notes=_left_out_note(left_out),
         )
-        return question_people(result, framed) if prompt is None else result
+        return halve_unlikely_people(result, framed) if prompt is None else result
 
-    def _nobody(self, image: UInt8Array) -> People:
+    def _empty_result(self, image: UInt8Array) -> People:
         """Return the surfaces of an image without people."""
         people = np.zeros(image.shape[:2], bool)
         surfaces, _ = self._surfaces(image, people)
@@ -168,10 +168,10 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         masks = self._masks(detected.embedding, [person.pose for person in found])
         sure = np.array([any(one.pose is other.pose for other in detected.found) for one in found])
         others = list(compress(found, sure))
-        repeats = np.array([bool(poses_of_same(one.pose, others)) for one in found]) & ~sure
+        repeats = np.array([bool(poses_of_same_person(one.pose, others)) for one in found]) & ~sure
         if repeats.any():
             alone = self._masks(detected.embedding, [one.pose for one in others])
-            masks = _without_parts(masks, sure, repeats, alone)
+            masks = _reassign_parts(masks, sure, repeats, alone)
         return found, _with_given_masks(masks, prompt)
 
     def _floor(
@@ -204,7 +204,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         alone = person_masks(self.network["mobilesam_decoder"], embedding, poses)
         return resolve_overlaps(alone, embedding)
 
-    def _leave_out_low(
+    def _omit_low_masks(
         self, found: list[DetectedPose], masks: BoolArray
     ) -> tuple[list[DetectedPose], BoolArray, list[UnposedPerson]]:
         """Omit people whose mask is low, and return them as boxes without a pose."""
@@ -229,7 +229,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             boxes=boxes_from_masks(masks).astype(np.float32),
             scores=np.array([person.score for person in found], np.float32),
             floor=floor,
-            keypoints=doubt_hidden_hips(keypoints, masks),
+            keypoints=lower_confidence_of_hidden_hips(keypoints, masks),
             surfaces=surfaces,
         )
 
@@ -241,7 +241,7 @@ def _left_out_note(names: list[str]) -> tuple[str, ...]:
     return (f"left out objects that look somewhat like a person: {', '.join(names)}",)
 
 
-def _without_parts(
+def _reassign_parts(
     masks: BoolArray, sure: BoolArray, repeats: BoolArray, alone: BoolArray
 ) -> BoolArray:
     """Return masks (N, H, W) in which the people who are ``sure`` (N,) have the pixels that parts

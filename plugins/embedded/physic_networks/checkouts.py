@@ -167,7 +167,7 @@ class Checkout:
                 yield
                 return
             if self._own is None:
-                self._own = _top_names(root)  # once: folders of data can be large
+                self._own = _top_level_modules(root)  # once: folders of data can be large
             own = self._own
             self._is_active = True
             others = _pop_modules(own)
@@ -269,7 +269,7 @@ def _can_be_imported(module: str) -> bool:
         return module in sys.modules
 
 
-def _top_names(root: Path) -> dict[str, Path | None]:
+def _top_level_modules(root: Path) -> dict[str, Path | None]:
     """Return the top-level module names in a folder -> the package folder if it has no
     ``__init__.py``, else None.
 

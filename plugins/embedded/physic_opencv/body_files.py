@@ -68,7 +68,7 @@ def bodies_of(file: FileOfPhoto) -> BodiesInFile | None:
         ValueError: the form is known and refused.
     """
     if file.path.is_dir():
-        return _of_folder(file)
+        return _read_folder(file)
     document = open_document(file.path)
     for is_form, read in _FORMS:
         if is_form(document):
@@ -76,7 +76,7 @@ def bodies_of(file: FileOfPhoto) -> BodiesInFile | None:
     return None
 
 
-def _of_folder(file: FileOfPhoto) -> BodiesInFile | None:
+def _read_folder(file: FileOfPhoto) -> BodiesInFile | None:
     """Return the bodies of all files of one photo."""
     stem = Path(file.photo).stem
     records = []
@@ -103,7 +103,7 @@ def _meta_of(path: Path) -> Mapping[str, Any]:
     return document if isinstance(document, Mapping) else {}
 
 
-def _has(*keys: str) -> Callable[[Any], bool]:
+def _has_keys(*keys: str) -> Callable[[Any], bool]:
     return lambda document: isinstance(document, Mapping) and all(k in document for k in keys)
 
 
@@ -201,7 +201,7 @@ def _prompt_hmr(document: Any, file: FileOfPhoto) -> _Record:
 
 def _is_wham(document: Any) -> bool:
     people = list(document.values()) if isinstance(document, Mapping) else []
-    return bool(people) and all(_has("pose", "pose_world", "frame_ids")(one) for one in people)
+    return bool(people) and all(_has_keys("pose", "pose_world", "frame_ids")(one) for one in people)
 
 
 def _wham(document: Any, file: FileOfPhoto) -> _Record:
@@ -220,7 +220,7 @@ def _wham(document: Any, file: FileOfPhoto) -> _Record:
     )
     if not len(pose):
         raise ValueError(f"nobody is in the picture {at} of the film: set photo.bodies_frame")
-    return _of_poses(
+    return _record_of_rotvecs(
         "WHAM", pose, betas, place, _centred(math.hypot(*file.size), file.size, len(pose))
     )
 
@@ -232,10 +232,10 @@ def _amass(document: Any, file: FileOfPhoto) -> _Record:
     at = 0 if is_still else _frame(len(poses), file)
     shape = matrix(document.get("betas", np.zeros(10)), "betas")
     parameters = poses[at : at + 1], shape.reshape(1, -1), _rows(document, "trans", 3)[at : at + 1]
-    return _of_poses("AMASS", *parameters, _cameras(document, 1))
+    return _record_of_rotvecs("AMASS", *parameters, _cameras(document, 1))
 
 
-def _of_poses(
+def _record_of_rotvecs(
     tool: str,
     poses: Float64Array,
     betas: Float64Array,
@@ -275,10 +275,10 @@ def _posed(tool: str, document: Mapping[str, Any], *, mean_hands: bool = False) 
             f"its body_pose has {joints} joints of {count} people; SMPL has 23, SMPL-X 21"
         )
     turns = np.zeros((count, _JOINTS, 3))
-    turns[:, 1:_BODY] = _turns(document, "body_pose", count, joints)[:, : _BODY - 1]
+    turns[:, 1:_BODY] = _rotvecs(document, "body_pose", count, joints)[:, : _BODY - 1]
     for name in _PARTS.keys() & document.keys():
         first, last = _PARTS[name]
-        turns[:, first:last] = _turns(document, name, count, last - first)
+        turns[:, first:last] = _rotvecs(document, name, count, last - first)
     place = next((name for name in ("transl", "trans") if name in document), None)
     face = document.get("expression")
     return _Record(
@@ -300,7 +300,7 @@ def _has_hands_alone(document: Mapping[str, Any]) -> bool:
     return "left_hand_pose" in document and not has_face
 
 
-def _turns(document: Mapping[str, Any], name: str, count: int, joints: int) -> Float64Array:
+def _rotvecs(document: Mapping[str, Any], name: str, count: int, joints: int) -> Float64Array:
     """Return rotation vectors (N, joints, 3) of vectors or matrices."""
     rotations = matrix(document[name], name)
     if rotations.size == 3 * count * joints:
@@ -336,7 +336,7 @@ def _meshes(document: Any, file: FileOfPhoto) -> _Record:
     tool, focal, axes = "CameraHMR", None, (1, 1, 1)
     if is_placed and (middle < 0).all():
         axes = 1, -1, -1
-        tool, focal = "SAM 3D Body", _focal_beside(file.path)
+        tool, focal = "SAM 3D Body", _focal_of_sidecar(file.path)
         if model == "smpl":
             tool, focal = "4D-Humans", _CROP_FOCAL * max(file.size)
     elif is_placed and model == "smplx":
@@ -372,7 +372,7 @@ def _vertices(document: Any) -> Float64Array:
     return np.concatenate(of_bodies)
 
 
-def _focal_beside(path: Path) -> float | None:
+def _focal_of_sidecar(path: Path) -> float | None:
     """Return the focal length of the JSON file that SAM 3D Body's notebook writes beside a PLY."""
     beside = path.with_name(f"{path.stem.partition('_mesh_')[0]}_focal_length.json")
     if not beside.is_file():
@@ -383,11 +383,11 @@ def _focal_beside(path: Path) -> float | None:
 
 
 _FORMS: Sequence[tuple[Callable[[Any], bool], Callable[[Any, FileOfPhoto], _Record]]] = (
-    (_has("smpl_params_incam"), _gvhmr),
-    (_has("rotmat", "betas", "transl", "cam_int"), _prompt_hmr),
+    (_has_keys("smpl_params_incam"), _gvhmr),
+    (_has_keys("rotmat", "betas", "transl", "cam_int"), _prompt_hmr),
     (lambda document: bool(_people_of(document)), _sam_3d_body),
     (_is_wham, _wham),
-    (_has("poses", "trans"), _amass),
-    (_has("global_orient", "body_pose", "betas"), _parameters),
+    (_has_keys("poses", "trans"), _amass),
+    (_has_keys("global_orient", "body_pose", "betas"), _parameters),
     (_is_mesh, _meshes),
 )

@@ -42,15 +42,15 @@ def open_document(path: Path) -> Any:
         data = stream.read(_MAX_BYTES + 1)
     _check_size(len(data))
     if data[:2] == b"PK":
-        return _of_zip(path)
+        return _load_zip(path)
     if data[:6] == b"\x93NUMPY":
-        return _of_npy(data)
+        return _load_npy(data)
     if data[:1] == b"\x78":  # joblib's zlib
         unpacked = zlib.decompressobj()
         data = unpacked.decompress(data, _MAX_BYTES + 1)
         _check_size(len(data))
     if data[:1] == b"\x80":
-        return _of_pickle(data)
+        return _load_pickle(data)
     return parse_json(data.decode("utf-8"))
 
 
@@ -59,7 +59,7 @@ def _check_size(size: int) -> None:
         raise ValueError("unpacked, it is larger than 1 GiB: keep the pictures that are needed")
 
 
-def _of_pickle(data: bytes) -> Any:
+def _load_pickle(data: bytes) -> Any:
     try:
         return read_plain(data)
     except UnsafePickleError as error:
@@ -68,23 +68,23 @@ def _of_pickle(data: bytes) -> Any:
         raise ValueError(f"it is a damaged pickle: {error}") from error
 
 
-def _of_npy(data: bytes) -> Any:
+def _load_npy(data: bytes) -> Any:
     """Return an array, or what an array of objects holds."""
     stream = BytesIO(data)
     version = npy.read_magic(stream)
     read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
     if read(stream)[2].hasobject:
-        return _of_pickle(data[stream.tell() :])
+        return _load_pickle(data[stream.tell() :])
     return np.load(BytesIO(data), allow_pickle=False)
 
 
-def _of_zip(path: Path) -> Any:
+def _load_zip(path: Path) -> Any:
     """Return the arrays of an npz by name, or the content of a file of torch."""
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()
         _check_size(sum(entry.file_size for entry in archive.infolist()))
         if not any(name.endswith("data.pkl") for name in names):
-            return {name.removesuffix(".npy"): _of_npy(archive.read(name)) for name in names}
+            return {name.removesuffix(".npy"): _load_npy(archive.read(name)) for name in names}
     import torch
 
     try:

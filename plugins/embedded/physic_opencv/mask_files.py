@@ -12,7 +12,7 @@ from physic_core.errors import InputError
 from physic_core.files import ImageSource, count, decode, matrix, number, open_image, read_text
 from physic_core.types import FileOfPhoto, MasksInFile
 from physic_opencv.documents import open_document
-from physic_opencv.keypoint_forms import by_id, id_of, shown_in, stated_size
+from physic_opencv.keypoint_formats import annotations_of_photo, by_id, id_of, stated_size
 
 if TYPE_CHECKING:
     from physic_core.types import AnyArray, BoolArray
@@ -33,19 +33,19 @@ def masks_of(file: FileOfPhoto) -> MasksInFile | None:
     """
     path = file.path
     if path.is_dir():
-        return _of_folder(path)
+        return _read_folder(path)
     suffix = path.suffix.lower()
     if suffix == ".txt":
         return MasksInFile(_polygons_of_text(read_text(path, _MAX_TEXT), file.size))
     if suffix == ".png":
-        return MasksInFile(_of_labels(_picture(path)))
+        return MasksInFile(_masks_of_labels(_picture(path)))
     document = open_document(path)
     if suffix == ".json":
-        return _of_json(document, file)
-    return MasksInFile(_of_arrays(document))
+        return _masks_of_json(document, file)
+    return MasksInFile(_masks_of_arrays(document))
 
 
-def _of_folder(path: Path) -> MasksInFile:
+def _read_folder(path: Path) -> MasksInFile:
     """Read a folder with a picture for each mask; with SAM's table, the masks are of all things."""
     pictures = [_picture(one) > 0 for one in sorted(path.glob("*.png"))]
     if not pictures:
@@ -66,7 +66,7 @@ def _picture(path: Path) -> AnyArray:
         return np.asarray(image)
 
 
-def _of_labels(labels: AnyArray) -> BoolArray:
+def _masks_of_labels(labels: AnyArray) -> BoolArray:
     """Return a mask (N, H, W) of each label above 0."""
     ids = np.unique(labels)
     if len(ids) > 256:
@@ -74,7 +74,7 @@ def _of_labels(labels: AnyArray) -> BoolArray:
     return np.stack([labels == one for one in ids if one > 0] or [labels > 0])
 
 
-def _of_arrays(document: Any) -> BoolArray:
+def _masks_of_arrays(document: Any) -> BoolArray:
     """Return the masks of an array (N, H, W) or (H, W), alone or in an npz."""
     if isinstance(document, Mapping):
         fit = [v for v in document.values() if isinstance(v, np.ndarray) and v.ndim in (2, 3, 4)]
@@ -85,11 +85,11 @@ def _of_arrays(document: Any) -> BoolArray:
     if document.ndim == 4:
         document = document[:, 0]
     if document.ndim == 2:
-        return _of_labels(document)
+        return _masks_of_labels(document)
     return np.asarray(document > (0 if document.dtype.kind in "bu" else 0.5))
 
 
-def _of_json(document: Any, file: FileOfPhoto) -> MasksInFile:
+def _masks_of_json(document: Any, file: FileOfPhoto) -> MasksInFile:
     """Read a COCO dataset, its annotations or results, or SAM's list of masks."""
     dataset = document if isinstance(document, Mapping) else {}
     entries = dataset.get("annotations", document)
@@ -98,9 +98,9 @@ def _of_json(document: Any, file: FileOfPhoto) -> MasksInFile:
     ):
         raise ValueError("it has no list of annotations with a segmentation")
     if any("predicted_iou" in one for one in entries):
-        return MasksInFile(_all(entries, file.size), are_people=False)
+        return MasksInFile(_masks_of_entries(entries, file.size), are_people=False)
     images = by_id(dataset, "images")
-    image, shown = shown_in(entries, images, file.photo)
+    image, shown = annotations_of_photo(entries, images, file.photo)
     size = stated_size(images.get(image, {}), "width", "height") or file.size
     _check_size(*size)
     categories = by_id(dataset, "categories")
@@ -111,17 +111,19 @@ def _of_json(document: Any, file: FileOfPhoto) -> MasksInFile:
     chosen.sort(key=lambda one: -number(one.get("score", 1), "score"))
     left_out = len(shown) - len(chosen)
     notes = (f"left out {left_out} given masks of other things than people",) * bool(left_out)
-    return MasksInFile(_all(chosen, size), notes=notes)
+    return MasksInFile(_masks_of_entries(chosen, size), notes=notes)
 
 
-def _all(entries: list[Any], size: tuple[int, int]) -> BoolArray:
+def _masks_of_entries(entries: list[Any], size: tuple[int, int]) -> BoolArray:
     return np.stack([_mask(one["segmentation"], size) for one in entries])
 
 
 def _mask(segmentation: Any, size: tuple[int, int]) -> BoolArray:
     """Return the mask (H, W) of polygons, or of run lengths that are by column."""
     if isinstance(segmentation, list):
-        return _filled([matrix(one, "a polygon").reshape(-1, 2) for one in segmentation], size)
+        return _union_of_polygons(
+            [matrix(one, "a polygon").reshape(-1, 2) for one in segmentation], size
+        )
     height, width = (count(side, "a side") for side in segmentation["size"])
     _check_size(width, height)
     counts = segmentation["counts"]
@@ -160,7 +162,7 @@ def _run_lengths(text: str) -> list[int]:
     return runs
 
 
-def _filled(polygons: list[AnyArray], size: tuple[int, int]) -> BoolArray:
+def _union_of_polygons(polygons: list[AnyArray], size: tuple[int, int]) -> BoolArray:
     """Return the union (H, W) of polygons (n, 2) in px from the corner of the picture."""
     import cv2
 
@@ -189,7 +191,7 @@ def _polygons_of_text(text: str, size: tuple[int, int]) -> BoolArray:
         del shares[len(shares) // 2 * 2 :]
         if len(shares) < 6 or not all(-0.01 <= share <= 1.01 for share in shares):
             raise InputError(f"line {at} of the masks is not a polygon in shares of the picture")
-        masks.append(_filled([np.reshape(shares, (-1, 2)) * size], size))
+        masks.append(_union_of_polygons([np.reshape(shares, (-1, 2)) * size], size))
     if not masks:
         raise ValueError("it has no line of class 0, a person")
     return np.stack(masks)

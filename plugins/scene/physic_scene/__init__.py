@@ -12,7 +12,7 @@ from physic_core import PluginItem, hookimpl
 if TYPE_CHECKING:
     from physic_scene.calibration import KnownCamera, read_calibration
     from physic_scene.output import save_scene
-    from physic_scene.scene import ScenePipeline
+    from physic_scene.scene_pipeline import ScenePipeline
     from physic_scene.types import SceneResult, SolvedPhoto
 
 __all__ = [
@@ -29,7 +29,7 @@ _NAMES = {
     "SolvedPhoto": "types",
     "KnownCamera": "calibration",
     "SceneResult": "types",
-    "ScenePipeline": "scene",
+    "ScenePipeline": "scene_pipeline",
     "read_calibration": "calibration",
     "save_scene": "output",
 }

@@ -31,7 +31,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from physic_core.types import SIDES
-from physic_scene.measured import keypoint_class, measured_errors
+from physic_scene.measured_errors import keypoint_class, measured_errors
 from physic_scene.rigid import CameraPose
 
 if TYPE_CHECKING:

@@ -30,7 +30,7 @@ from scipy.spatial.transform import Rotation
 from physic_core.errors import ConfigError, InputError
 from physic_core.files import count, number, unreadable
 from physic_core.types import CameraTrust, Intrinsics, Lens, ShortRepr
-from physic_scene.calibration_forms import CameraFile, read_camera_file
+from physic_scene.calibration_formats import CameraFile, read_camera_file
 
 if TYPE_CHECKING:
     from typing import Self

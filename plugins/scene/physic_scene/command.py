@@ -123,7 +123,7 @@ def scene(
     from physic_core.cli.result_summary import print_summary
     from physic_scene.calibration import read_calibration
     from physic_scene.output import save_scene
-    from physic_scene.scene import ScenePipeline
+    from physic_scene.scene_pipeline import ScenePipeline
 
     known = _known_sizes(stature, age)
     settings = _files_of_photos(len(photos), bodies=bodies, masks=masks)

@@ -12,7 +12,7 @@ import torch
 
 from physic_core.body import keypoints_on_body, rotations_from_parameters
 from physic_core.types import CameraTrust, Keypoints
-from physic_scene.measured import measured_errors
+from physic_scene.measured_errors import measured_errors
 from physic_scene.rigid import CameraPose
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from physic_core import save_reconstruction
 from physic_core.files import to_json
 from physic_core.io.result_folder import people_csv
-from physic_scene.picture import photos_png
+from physic_scene.photos_picture import photos_png
 
 if TYPE_CHECKING:
     from physic_scene.types import SceneResult

@@ -33,7 +33,7 @@ from physic_core.types import (
 )
 from physic_networks.bodies import observed_joints
 from physic_scene.energy import OtherViews, with_other_views
-from physic_scene.given import SolvedBodies, SolvedDepth
+from physic_scene.solved_backends import SolvedBodies, SolvedDepth
 
 if TYPE_CHECKING:
     from physic_core import Config

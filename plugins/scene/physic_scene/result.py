@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_scene.checks import SolvedView, checks_of_cameras, checks_of_keypoints, with_checks
 from physic_scene.reference import scene_scales
 from physic_scene.rigid import CameraPose
 from physic_scene.types import SceneCamera, SceneResult, SolvedPhoto
-from physic_scene.verdict import SolvedView, checks_of_cameras, checks_of_keypoints, with_checks
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Reconstruction

@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_core.types import Plane
+from physic_scene.checks import SolvedView, checks_of_cameras
 from physic_scene.matching import match_pair
 from physic_scene.rigid import CameraPose
-from physic_scene.verdict import SolvedView, checks_of_cameras
 
 from .photos import photo
 

@@ -18,10 +18,10 @@ from physic_core.body import load_body
 from physic_core.errors import ConfigError, InputError, OutputError
 from physic_core.interfaces import INTERFACES
 from physic_scene import ScenePipeline
+from physic_scene.checks import checks_of_keypoints, with_checks
 from physic_scene.command import scene as command
 from physic_scene.output import save_scene
 from physic_scene.rigid import rotation_angle_deg
-from physic_scene.verdict import checks_of_keypoints, with_checks
 from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.slow

@@ -14,7 +14,7 @@ from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry import transform_points
 from physic_export.skins import Skins, skins_of
 from physic_visual.palette import BODY_RGB, contact_legend
-from physic_visual.surface import mesh_scene, scene_reach, unit_normals
+from physic_visual.scene_mesh import mesh_scene, scene_reach, unit_normals
 from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:

@@ -39,7 +39,7 @@ from physic_export.meshes import scene_mesh
 from physic_export.tiles import Tile, parts_that_meet, segments_that_meet, tile_errors
 from physic_visual.floor import drawn_floor
 from physic_visual.rig import body_of_result
-from physic_visual.surface import mesh_scene, scene_reach
+from physic_visual.scene_mesh import mesh_scene, scene_reach
 from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from physic_core.geometry import transform_points
 from physic_core.types import usable_text
 from physic_export.meshes import person_meshes
 from physic_export.skins import skins_of
-from physic_visual.surface import is_near, scene_meshes, scene_reach
+from physic_visual.scene_mesh import is_near, scene_meshes, scene_reach
 
 if TYPE_CHECKING:
     import rerun as rr

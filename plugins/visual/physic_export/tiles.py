@@ -19,7 +19,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from physic_core.geometry import RayCaster, transform_points, vertex_normals
 from physic_export.humanoid import convex_hull
-from physic_visual.surface import is_near, mesh_scene, scene_reach
+from physic_visual.scene_mesh import is_near, mesh_scene, scene_reach
 
 if TYPE_CHECKING:
     from physic_core.types import Float64Array, Int64Array, Reconstruction

@@ -22,7 +22,7 @@ from physic_visual.floor import drawn_floor
 from physic_visual.glb import skin_influences
 from physic_visual.palette import BODY_RGB, FLOOR_RGB, contact_legend
 from physic_visual.rig import rigs
-from physic_visual.surface import mesh_scene, scene_reach, unit_normals
+from physic_visual.scene_mesh import mesh_scene, scene_reach, unit_normals
 from physic_visual.textures.dressed import dressed_bodies
 from physic_visual.textures.photo import encode_image
 

@@ -11,7 +11,7 @@ from physic_core.geometry import transform_points
 if TYPE_CHECKING:
     from physic_core.export import ExportFrame
     from physic_core.types import Float64Array, Int64Array, IntArray, Reconstruction
-    from physic_visual.surface import SceneMesh
+    from physic_visual.scene_mesh import SceneMesh
 
 _MARGIN_M = 0.5
 """Distance of the floor's edges from people, where the scene is smaller."""

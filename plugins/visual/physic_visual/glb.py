@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from physic_core.errors import InputError
 from physic_core.export import ExportRequest, camera_pose, export_frame
 from physic_core.geometry import linear_from_srgb, transform_points
+from physic_visual.assumed_supports import SLAB_FACES, assumed_supports
 from physic_visual.floor import drawn_floor
 from physic_visual.glb_builder import ARRAY, INDICES, GlbBuilder
 from physic_visual.palette import (
@@ -31,8 +32,7 @@ from physic_visual.palette import (
     painted_contact,
 )
 from physic_visual.rig import Rig, bound_in_pose, rigs
-from physic_visual.supports import SLAB_FACES, assumed_supports
-from physic_visual.surface import BACKDROP, scene_meshes, scene_reach, unit_normals
+from physic_visual.scene_mesh import BACKDROP, scene_meshes, scene_reach, unit_normals
 from physic_visual.textures.dressed import (
     GUESSED,
     dressed_bodies,

@@ -17,7 +17,6 @@ from PIL.PngImagePlugin import PngInfo
 
 from physic_core.files import MARK
 from physic_core.types import in_words, metres_text
-from physic_visual.numbers import draw_numbers, heads_in_photo
 from physic_visual.palette import (
     FAINT,
     FLOOR_RGB,
@@ -39,6 +38,7 @@ from physic_visual.panels import (
     photo_panel,
     render_contact_views,
 )
+from physic_visual.person_numbers import draw_numbers, heads_in_photo
 from physic_visual.views import (
     PAGE_RGB,
     LabeledView,

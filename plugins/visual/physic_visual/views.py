@@ -21,7 +21,7 @@ from physic_visual.render import (
     render_mesh,
     render_points,
 )
-from physic_visual.surface import is_near, scene_meshes, scene_reach
+from physic_visual.scene_mesh import is_near, scene_meshes, scene_reach
 from physic_visual.textures.dressed import dressed_bodies
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class PreviewGeometry:
         points: (M, 3) float32 points of the scene.
         point_colors: (M, 3) float32 sRGB in 0-1.
         backdrop: (K, 3) float32 points of what is farther, see
-            :func:`physic_visual.surface.mesh_backdrop`.
+            :func:`physic_visual.scene_mesh.mesh_backdrop`.
         backdrop_colors: (K, 3) float32 sRGB in 0-1.
         spacing: of points on a surface that faces the camera, at the median depth, metres.
         upright: (4, 4), see :func:`physic_core.geometry.world_frame.world_from_camera`.

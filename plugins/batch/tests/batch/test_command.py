@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
-from physic_batch.process import failed_row
+from physic_batch.photo_processor import failed_row
 from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")

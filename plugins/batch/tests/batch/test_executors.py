@@ -13,7 +13,7 @@ from physic_core.errors import PluginError
 
 EXECUTOR = """
 from physic_core import PluginItem, hookimpl
-from physic_batch.process import failed_row
+from physic_batch.photo_processor import failed_row
 from physic_core.errors import ConfigError
 
 def queue_executor(settings):

@@ -15,8 +15,8 @@ from click.testing import CliRunner
 from physic_batch.contact_sheet import write_thumbnail
 from physic_batch.journal import read_journals
 from physic_batch.parquet import write_parquet
+from physic_batch.photo_processor import BatchJob, PhotoProcessor
 from physic_batch.photos import list_photos, photo_folder
-from physic_batch.process import BatchJob, PhotoProcessor
 from physic_batch.run import plan_batch, run_batch
 from physic_core import load_reconstruction
 from physic_core.cli import main

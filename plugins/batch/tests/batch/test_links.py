@@ -11,8 +11,8 @@ from click.testing import CliRunner
 from PIL import Image
 
 from physic_batch.contact_sheet import find_results, thumbnail_path, write_thumbnail
+from physic_batch.photo_processor import BatchJob, PhotoProcessor
 from physic_batch.photos import list_photos, photo_folder
-from physic_batch.process import BatchJob, PhotoProcessor
 from physic_core import load_reconstruction, save_reconstruction
 from physic_core.cli import main
 from physic_core.configuration.model import load_config

@@ -27,8 +27,8 @@ from physic_batch.journal import (
     read_journals,
     write_tables,
 )
+from physic_batch.photo_processor import BatchJob, PhotoProcessor, base_row
 from physic_batch.photos import list_photos
-from physic_batch.process import BatchJob, PhotoProcessor, base_row
 from physic_batch.run import plan_batch, run_batch
 from physic_core.configuration.model import load_config
 from physic_core.discovery.entry_points import core_version

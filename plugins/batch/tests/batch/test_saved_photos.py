@@ -13,8 +13,8 @@ import pytest
 
 from physic_batch.contact_sheet import write_contact_sheet
 from physic_batch.journal import Journal, write_tables
+from physic_batch.photo_processor import BatchJob, PhotoProcessor, failed_row
 from physic_batch.photos import PhotoItem
-from physic_batch.process import BatchJob, PhotoProcessor, failed_row
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError
 from physic_core.io.results import read_record
@@ -50,8 +50,8 @@ def batch(result, tmp_path):
 @pytest.mark.parametrize(
     "part",
     [
-        "physic_batch.process.write_thumbnail",
-        "physic_batch.process.person_rows",
+        "physic_batch.photo_processor.write_thumbnail",
+        "physic_batch.photo_processor.person_rows",
         "physic_core.types.Reconstruction.summary",
     ],
 )

@@ -13,7 +13,7 @@ from physic_core.files import read_text, unreadable
 if TYPE_CHECKING:
     import click
 
-    from physic_bench.contract import Frame
+    from physic_bench.types import Frame
 
 _Item = TypeVar("_Item")
 _MAX_LIST_BYTES = 100_000_000

@@ -28,9 +28,7 @@ import click
 import numpy as np
 
 from physic_bench.cameras import Camera
-from physic_bench.contract import BenchPerson, Frame, Picture, Truth
-from physic_bench.datasets.base import DataSet, FrameSet
-from physic_bench.reading import (
+from physic_bench.data_files import (
     DamagedFrameError,
     checked_numbers,
     checked_rotation,
@@ -41,6 +39,8 @@ from physic_bench.reading import (
     read_pickled,
     read_surface,
 )
+from physic_bench.datasets.base import DataSet, FrameSet
+from physic_bench.types import BenchPerson, Frame, Picture, Truth
 from physic_core.body import JOINT_NAMES
 from physic_core.errors import ConfigError
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_bench.cameras import Camera
-from physic_bench.contract import BenchPerson, Frame, Picture, Truth
+from physic_bench.data_files import write_picture
 from physic_bench.datasets.base import DataSet, FrameSet
-from physic_bench.reading import write_picture
+from physic_bench.types import BenchPerson, Frame, Picture, Truth
 from physic_core.body import JOINT_NAMES
 from physic_testing.metrics import hidden_by_depth_map, scene_distance
 from physic_testing.worlds import WORLDS, load_world

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from physic_embedded.body_fit.motions import point_motions
-from physic_embedded.body_fit.problem import NUM_TURNED
+from physic_embedded.body_fit.fit_problem import NUM_TURNED
+from physic_embedded.body_fit.point_motions import point_motions
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from physic_embedded.body_fit.motions import PointMotions
-    from physic_embedded.body_fit.problem import DecodedUnknowns, FitProblem
+    from physic_embedded.body_fit.fit_problem import DecodedUnknowns, FitProblem
+    from physic_embedded.body_fit.point_motions import PointMotions
 
 _STEP_SIZE = 1e-5  # of an unknown: the difference of two gradients is a row of the Hessian
 
@@ -37,16 +37,16 @@ def derivatives(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor, 
     model = problem.landmarks
     body = problem.decode(unknowns)
     motions = point_motions(model.tree, model.skin, body.rotations, body.betas, NUM_TURNED)
-    posed = problem.used(model(body.rotations, body.betas, body.transl))
+    posed = problem.loss_points(model(body.rotations, body.betas, body.transl))
     # the first row is zero
     steps = _STEP_SIZE * torch.eye(width + 1, width, dtype=unknowns.dtype).roll(1, 0)
     at = (unknowns[:, None] + steps).flatten(0, 1).requires_grad_(True)
     rows = problem.select(torch.arange(count).repeat_interleave(width + 1))
     moved = rows.decode(at)
-    turned = _turns(motions, body, moved)
+    turned = _rotation_changes(motions, body, moved)
     points = _linear_points(problem, motions, torch.cat(posed, 1), turned, body, moved)
     parts = torch.split(points.flatten(0, 1), [part.shape[1] for part in posed], 1)
-    data, constraints = rows.terms_of_points(at, moved, parts)
+    data, constraints = rows.terms_at_points(at, moved, parts)
     losses = data + constraints
     gradients, twist, pull = torch.autograd.grad(losses.sum(), [at, turned, points])
     gradients = gradients.view(count, width + 1, width)
@@ -58,7 +58,9 @@ def derivatives(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor, 
     return losses.detach().view(count, -1)[:, 0], gradients[:, 0], hessian
 
 
-def _turns(motions: PointMotions, body: DecodedUnknowns, moved: DecodedUnknowns) -> Tensor:
+def _rotation_changes(
+    motions: PointMotions, body: DecodedUnknowns, moved: DecodedUnknowns
+) -> Tensor:
     """Return by how much (N, S, 22, 3, 3) joints turn in S steps from ``body`` to ``moved``."""
     turned = moved.rotations.view(len(body.rotations), -1, *body.rotations.shape[1:])
     turned = turned[:, :, :NUM_TURNED] - body.rotations[:, None, :NUM_TURNED]
@@ -79,7 +81,7 @@ def _linear_points(
         problem: of N people.
         motions: of joints and vertices.
         posed: (N, P, 3) points before the steps.
-        turned: (N, S, 22, 3, 3), see :func:`_turns`.
+        turned: (N, S, 22, 3, 3), see :func:`_rotation_changes`.
         body: N bodies before the steps.
         moved: N times S bodies after them.
     """
@@ -87,11 +89,11 @@ def _linear_points(
     shift = moved.transl.view(*steps, 3, 1) - body.transl[:, None, :, None]
     shape = moved.betas.view(*steps, -1) - body.betas[:, None]
     # The translation is one more column, with the share that each point has of it.
-    shares = _used(problem, torch.ones_like(motions.by_shape[:, :1]))[..., 0]
-    moments = _used(problem, motions.moments).mT.flatten(1, 2)
+    shares = _loss_points(problem, torch.ones_like(motions.by_shape[:, :1]))[..., 0]
+    moments = _loss_points(problem, motions.moments).mT.flatten(1, 2)
     columns = torch.cat([turned.transpose(2, 3).flatten(3), shift], 3).flatten(1, 2)
     carried = columns @ torch.cat([moments, shares], 1)
-    by_shape = _used(problem, motions.by_shape).flatten(2)
+    by_shape = _loss_points(problem, motions.by_shape).flatten(2)
     shaped = torch.baddbmm(posed.flatten(1)[:, None], shape, by_shape)
     return shaped.view(*steps, -1, 3) + carried.view(*steps, 3, -1).mT
 
@@ -120,7 +122,7 @@ def _cross_terms(
 
     raw = motions.by_shape[:, 0].requires_grad_(True)
     # Of a sum, since a gradient of several outputs makes torch import its compiler.
-    (by_point,) = torch.autograd.grad((_used(problem, raw) * pull).sum(), raw)
+    (by_point,) = torch.autograd.grad((_loss_points(problem, raw) * pull).sum(), raw)
     by_shape = motions.moments_by_shape(by_point).flatten(3)  # (N, K, 22, 9)
     shapes = (units.flatten(3) @ by_shape.permute(0, 2, 3, 1)).flatten(1, 2)
     found = torch.cat([joints, shapes], 2)
@@ -128,7 +130,7 @@ def _cross_terms(
     return found + found.mT
 
 
-def _used(problem: FitProblem, points: Tensor) -> Tensor:
+def _loss_points(problem: FitProblem, points: Tensor) -> Tensor:
     """Return the points (..., P, 3) of the loss of joints and vertices (..., 55 + n, 3)."""
     joints, vertices = points.tensor_split([len(problem.landmarks.tree.family)], -2)
-    return torch.cat(problem.used(problem.landmarks.named(joints, vertices)), -2)
+    return torch.cat(problem.loss_points(problem.landmarks.named(joints, vertices)), -2)

@@ -12,28 +12,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from physic_embedded.body_fit.lifter import HIPS, LimbView, lift
-from physic_embedded.body_fit.limb_keypoints import LIMBS, keypoint_indices
-from physic_embedded.body_fit.minimise import approach_minimum, minimise
-from physic_embedded.body_fit.problem import (
+from physic_embedded.body_fit.fit_problem import (
     LIMB_ROWS,
     LiftedLimbs,
     fit_problem,
     with_outlines,
 )
+from physic_embedded.body_fit.lifter import HIPS, LimbView, predict_joints
+from physic_embedded.body_fit.limb_keypoints import LIMBS, keypoint_indices
+from physic_embedded.body_fit.minimise import approach_minimum, minimise
 
 if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.body import BodyModel
     from physic_core.types import BoolArray, FloatArray
-    from physic_embedded.body_fit.observations import BodyObservations
-    from physic_embedded.body_fit.problem import (
+    from physic_embedded.body_fit.fit_problem import (
         FitProblem,
         FloorConstraint,
         InitialPose,
         OutlinePairs,
     )
+    from physic_embedded.body_fit.observations import BodyObservations
 
 
 _EVALUATIONS = 15  # which choose the minimum
@@ -99,10 +99,10 @@ def fit_bodies(
         rows = torch.from_numpy(np.flatnonzero(changed))
         part = problem.select(rows)
         found = fit.unknowns.clone()
-        near = found[rows] if continues else _near_minimum(part)
+        near = found[rows] if continues else _search_minimum(part)
         found[rows] = minimise(part, near, least_step=_ROUGH)
         return _body_fit(model, problem, found)
-    unknowns = _near_minimum(problem)
+    unknowns = _search_minimum(problem)
     with torch.no_grad():
         best = problem.loss(unknowns).view(starts, -1).argmin(0)
     rows = best * len(best) + torch.arange(len(best))
@@ -146,7 +146,7 @@ def lifted_limbs(
     pixels = observations.points[:, columns]
     rays = np.concatenate([pixels, np.ones_like(pixels[..., :1])], -1)
     seen = rays @ np.linalg.inv(observations.intrinsics.matrix).T @ observations.turn
-    told = lift(
+    told = predict_joints(
         LimbView(
             fitted,
             seen[..., :2] / seen[..., 2:] * depth[:, None, None],
@@ -166,7 +166,7 @@ def lifted_limbs(
     return LiftedLimbs(torch.from_numpy(told), torch.from_numpy(weight), torch.from_numpy(moved))
 
 
-def _near_minimum(problem: FitProblem) -> Tensor:
+def _search_minimum(problem: FitProblem) -> Tensor:
     """Return the unknowns (N, W) that the search reaches from the initial poses."""
     start = problem.points.new_zeros(len(problem.points), problem.num_unknowns)
     return approach_minimum(problem, start, _EVALUATIONS)

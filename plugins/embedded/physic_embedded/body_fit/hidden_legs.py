@@ -50,12 +50,12 @@ _LANDMARK_PITCH_DEG = 30.0  # standard deviation of the trunk's pitch by landmar
 _LEAST_UPRIGHT = 0.5  # cosine between trunk and vertical, below which people may lie
 
 
-def legs_hidden(observations: BodyObservations, skeleton: Skeleton) -> BoolArray:
+def has_hidden_legs(observations: BodyObservations, skeleton: Skeleton) -> BoolArray:
     """Return which of N people have no visible knee and ankle, (N,) bool."""
-    return np.asarray(_legs_seen(observations, skeleton) < SURE_CONFIDENCE)
+    return np.asarray(_leg_confidence(observations, skeleton) < SURE_CONFIDENCE)
 
 
-def _legs_seen(observations: BodyObservations, skeleton: Skeleton) -> FloatArray:
+def _leg_confidence(observations: BodyObservations, skeleton: Skeleton) -> FloatArray:
     """Return the largest confidence (N,) of knees and ankles."""
     row = keypoint_indices(skeleton)
     ends = [row[f"{side}_{joint}"] for side in SIDES for joint in ("knee", "ankle")]
@@ -63,7 +63,10 @@ def _legs_seen(observations: BodyObservations, skeleton: Skeleton) -> FloatArray
 
 
 def with_hidden_legs(
-    observations: BodyObservations, skeleton: Skeleton, said: Observations, up: FloatArray
+    observations: BodyObservations,
+    skeleton: Skeleton,
+    person_observations: Observations,
+    up: FloatArray,
 ) -> BodyObservations:
     """Return observations with 3D landmarks in place of the legs that the photo does not show, and
     trunks above them that are as upright as the posture makes likely.
@@ -75,35 +78,35 @@ def with_hidden_legs(
     Args:
         observations: of N people.
         skeleton: joint set of the keypoints.
-        said: by the person observer.
+        person_observations: by the person observer.
         up: (3,) unit vector, camera frame.
     """
     row = keypoint_indices(skeleton)
     legs = [row[f"{side}_{name}"] for side in SIDES for name in _LEG if f"{side}_{name}" in row]
     hips = [row[f"{side}_hip"] for side in SIDES]
-    seen = _legs_seen(observations, skeleton)
+    seen = _leg_confidence(observations, skeleton)
     weight = observations.weight.copy()
     if observations.world is None:
         weight[:, legs] = np.where(seen[:, None] <= _GUESSED, 0.0, weight[:, legs])
         return replace(observations, weight=weight)
     world = observations.world.copy()
     world_weight = observations.world_weight.copy()
-    sits = _sits(said)
-    unsaid = np.isnan(said.posture[:, 0])
-    sigma = pitch_sigma(said)
-    bends = _bends(said)
+    sits = _probably_sits(person_observations)
+    unsaid = np.isnan(person_observations.posture[:, 0])
+    sigma = pitch_sigma(person_observations)
+    bends = _expected_bends(person_observations)
     for i in map(int, np.flatnonzero(seen < SURE_CONFIDENCE)):
         above = observations.turn[i].T @ up  # in the axes of the view
-        lies = said.posture[i, POSTURES.index("lie")] > 0.5
-        if lies or (unsaid[i] and -_trunk(world[i], row) @ above < _LEAST_UPRIGHT):
+        lies = person_observations.posture[i, POSTURES.index("lie")] > 0.5
+        if lies or (unsaid[i] and -_trunk_direction(world[i], row) @ above < _LEAST_UPRIGHT):
             continue
         share = min(1.0, (SURE_CONFIDENCE - seen[i]) / (SURE_CONFIDENCE - _SURELY_HIDDEN))
-        world[i] = _upright(world[i], row, above, sigma[i], share)
+        world[i] = _turned_upright(world[i], row, above, sigma[i], share)
         weight[i, hips] *= 1 - share * (1 - _HIPS_WITHOUT_LEGS)
         if seen[i] > (_GUESSED if sits[i] else SEEN_CONFIDENCE):
             continue
         weight[i, legs] = world_weight[i, legs] = 0
-        for joint, place in _places_of_legs(world[i], row, -above, bends[i]).items():
+        for joint, place in _bent_leg_positions(world[i], row, -above, bends[i]).items():
             world[i, joint] = place
             world_weight[i, joint] = LEAST_WORLD_WEIGHT
     return replace(observations, weight=weight, world=world, world_weight=world_weight)
@@ -112,7 +115,7 @@ def with_hidden_legs(
 def without_guessed_legs(
     observations: BodyObservations,
     skeleton: Skeleton,
-    said: Observations,
+    person_observations: Observations,
     up: FloatArray,
     legs: BoolArray,
 ) -> BodyObservations:
@@ -125,63 +128,63 @@ def without_guessed_legs(
     weight = observations.weight.copy()
     world = observations.world.copy()
     world_weight = observations.world_weight.copy()
-    bends = _bends(said)
+    bends = _expected_bends(person_observations)
     for i, k in np.argwhere(legs):
         ends = [row[f"{SIDES[k]}_{joint}"] for joint in ("knee", "ankle")]
         if observations.confidence[i, ends].min() >= SURE_CONFIDENCE:
             continue
         leg = [row[f"{SIDES[k]}_{name}"] for name in _LEG if f"{SIDES[k]}_{name}" in row]
         weight[i, leg] = world_weight[i, leg] = 0
-        places = _places_of_legs(world[i], row, -observations.turn[i].T @ up, bends[i])
+        places = _bent_leg_positions(world[i], row, -observations.turn[i].T @ up, bends[i])
         for joint in ends:
             world[i, joint] = places[joint]
             world_weight[i, joint] = LEAST_WORLD_WEIGHT
     return replace(observations, weight=weight, world=world, world_weight=world_weight)
 
 
-def pitch_sigma(said: Observations) -> FloatArray:
+def pitch_sigma(person_observations: Observations) -> FloatArray:
     """Return the standard deviation (N,) of the trunk's pitch from the vertical by the posture,
     radians; that of the usual postures where nothing is said.
     """
     variance = np.square(np.radians([_PITCH_SIGMA_DEG[name] for name in POSTURES]))
     usual = np.radians(_PITCH_SIGMA_DEG["sit"]) ** 2
-    mixed = said.posture.astype(np.float64) @ variance
+    mixed = person_observations.posture.astype(np.float64) @ variance
     return np.asarray(np.sqrt(np.where(np.isnan(mixed), usual, mixed)))
 
 
-def _sits(said: Observations) -> BoolArray:
+def _probably_sits(person_observations: Observations) -> BoolArray:
     """Return which of N people probably sit, (N,) bool."""
     seated = [POSTURES.index(name) for name in _SEATED_POSTURES]
-    return np.asarray(np.nan_to_num(said.posture[:, seated].sum(1)) > 0.5)
+    return np.asarray(np.nan_to_num(person_observations.posture[:, seated].sum(1)) > 0.5)
 
 
-def _bends(said: Observations) -> FloatArray:
+def _expected_bends(person_observations: Observations) -> FloatArray:
     """Return the bends (N, 4) of left hip, right hip, left knee and right knee by the postures,
     radians; 0 where nothing is said.
 
     Postures count by their squared probabilities, since legs between two postures are unlikely.
     """
-    share = np.nan_to_num(said.posture.astype(np.float64)) ** 2
+    share = np.nan_to_num(person_observations.posture.astype(np.float64)) ** 2
     share /= share.sum(1, keepdims=True) + 1e-9
     usual = np.repeat(share @ np.array([_BENDS_DEG[name] for name in POSTURES]), 2, axis=1)
     return np.asarray(np.radians(usual))
 
 
-def _upright(
-    world: FloatArray, row: dict[str, int], above: FloatArray, sigma: float, share: float
+def _turned_upright(
+    world: FloatArray, row: dict[str, int], direction_up: FloatArray, sigma: float, share: float
 ) -> FloatArray:
     """Return 3D landmarks (J, 3) of one person turned about the hips by a share of the way from the
     pitch of their trunk to the mean of that and of the vertical by their standard deviations.
     """
-    trunk = -_trunk(world, row)
-    pitch = np.arctan2(trunk[2], -trunk[1]) - np.arctan2(above[2], -above[1])
+    trunk = -_trunk_direction(world, row)
+    pitch = np.arctan2(trunk[2], -trunk[1]) - np.arctan2(direction_up[2], -direction_up[1])
     turn = -share * pitch / (1 + (sigma / np.radians(_LANDMARK_PITCH_DEG)) ** 2)
     cos, sin = np.cos(turn), np.sin(turn)
     about_x = np.array([[1, 0, 0], [0, cos, sin], [0, -sin, cos]])
     return np.asarray(world @ about_x.T)
 
 
-def _places_of_legs(
+def _bent_leg_positions(
     world: FloatArray, row: dict[str, int], down: FloatArray, bends: FloatArray
 ) -> dict[int, FloatArray]:
     """Return places (3,) of knees and ankles of one person with 3D landmarks (J, 3), by row of the
@@ -206,12 +209,12 @@ def _places_of_legs(
     return places
 
 
-def _trunk(world: FloatArray, row: dict[str, int]) -> FloatArray:
+def _trunk_direction(world: FloatArray, row: dict[str, int]) -> FloatArray:
     """Return the unit vector (3,) from shoulders to hips of 3D landmarks (J, 3)."""
-    trunk = _middle(world, row, "hip") - _middle(world, row, "shoulder")
+    trunk = _pair_center(world, row, "hip") - _pair_center(world, row, "shoulder")
     return np.asarray(trunk / (np.linalg.norm(trunk) + 1e-9))
 
 
-def _middle(points: FloatArray, row: dict[str, int], joint: str) -> FloatArray:
+def _pair_center(points: FloatArray, row: dict[str, int], joint: str) -> FloatArray:
     """Return the middle of the left and the right joint among points (J, n)."""
     return np.asarray((points[row[f"left_{joint}"]] + points[row[f"right_{joint}"]]) / 2)

@@ -61,7 +61,7 @@ class LimbView(NamedTuple):
     depth: FloatArray
 
 
-def lift(view: LimbView) -> FloatArray:
+def predict_joints(view: LimbView) -> FloatArray:
     """Return the joints (N, 12, 3) that the network tells, relative to the middle of the hips.
 
     A mirror image of the view gives the mirror image of the joints. Forearms that tilt little in
@@ -75,7 +75,10 @@ def lift(view: LimbView) -> FloatArray:
         up * _MIRROR,
         depth,
     )
-    found = joints + (_told(view) + (_told(mirrored) * _MIRROR)[:, _SWAPPED]) / 2
+    found = (
+        joints
+        + (_predicted_offsets(view) + (_predicted_offsets(mirrored) * _MIRROR)[:, _SWAPPED]) / 2
+    )
     for elbow, wrist in _FOREARMS:
         forearm = found[:, wrist] - found[:, elbow]
         tilt = forearm[:, 2] ** 2 / (forearm**2).sum(1)
@@ -83,9 +86,9 @@ def lift(view: LimbView) -> FloatArray:
     return np.asarray(found - found[:, HIPS].mean(1, keepdims=True))
 
 
-def inputs(view: LimbView) -> FloatArray:
+def network_inputs(view: LimbView) -> FloatArray:
     """Return the inputs (N, 76) of the network for a view with lengths in units of
-    :func:`unit_of`.
+    :func:`length_unit`.
 
     The fit has put the body where it projects onto the keypoints; what is left of a common offset
     is no error of a limb.
@@ -101,17 +104,17 @@ def inputs(view: LimbView) -> FloatArray:
     return np.concatenate([part.reshape(count, -1) for part in parts], 1)
 
 
-def unit_of(joints: FloatArray) -> FloatArray:
+def length_unit(joints: FloatArray) -> FloatArray:
     """Return the unit of length (N, 1, 1) of joints (N, 12, 3), metres."""
     upper, lower = np.array(BONES).T
     lengths = np.linalg.norm(joints[:, lower] - joints[:, upper], axis=-1)
     return np.asarray(lengths.sum(1)[:, None, None] / LIMB_SUM_M)
 
 
-def _told(view: LimbView) -> FloatArray:
+def _predicted_offsets(view: LimbView) -> FloatArray:
     """Return how far (N, 12, 3) the network moves the joints, metres."""
-    unit = unit_of(view.joints)
-    x = inputs(
+    unit = length_unit(view.joints)
+    x = network_inputs(
         view._replace(
             joints=view.joints / unit, points=view.points / unit, depth=view.depth / unit[:, 0, 0]
         )

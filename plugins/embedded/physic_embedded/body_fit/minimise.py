@@ -20,7 +20,7 @@ from physic_embedded.body_fit.derivatives import derivatives, loss_and_gradient
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from physic_embedded.body_fit.problem import FitProblem
+    from physic_embedded.body_fit.fit_problem import FitProblem
 
 CONVERGED = 1e-7
 """Largest step of an unknown after which a person is done."""
@@ -47,11 +47,11 @@ def approach_minimum(problem: FitProblem, start: Tensor, evaluations: int) -> Te
     longest = 1 / gradient.norm(dim=1).clamp(min=1.0)
     first = torch.where(curvature > 0, curvature, longest)
     inverse = first[:, None, None] * torch.eye(start.shape[1], dtype=start.dtype)
-    search = _Search(start.clone(), loss, gradient, inverse, torch.ones_like(loss))
+    search = _SearchState(start.clone(), loss, gradient, inverse, torch.ones_like(loss))
     everybody = torch.arange(len(start))
     for _ in range(evaluations - 2):
         search.step(problem, everybody)
-    return search.at
+    return search.unknowns
 
 
 def minimise(
@@ -76,16 +76,18 @@ def minimise(
     count, width = start.shape
     zero = start.new_zeros(count)
     inverse = start.new_zeros(count, width, width)
-    search = _Search(start.clone(), zero, torch.zeros_like(start), inverse, torch.ones_like(zero))
+    search = _SearchState(
+        start.clone(), zero, torch.zeros_like(start), inverse, torch.ones_like(zero)
+    )
     active = outdated = torch.arange(count)
     part = problem
     steps = torch.zeros(count, dtype=torch.int64)
     for _ in range(_MAX_EVALUATIONS):
         if len(outdated):
-            loss, gradient, hessian = evaluate(problem.select(outdated), search.at[outdated])
+            loss, gradient, hessian = evaluate(problem.select(outdated), search.unknowns[outdated])
             search.loss[outdated] = loss
             search.gradient[outdated] = gradient
-            search.inverse[outdated] = _inverse(hessian)
+            search.inverse[outdated] = _positive_inverse(hessian)
         lower, length = search.step(part, active)
         steps[active] += lower
         moving = length > least_step
@@ -95,7 +97,7 @@ def minimise(
             part = problem.select(active)
         if not len(active):
             break
-    return search.at
+    return search.unknowns
 
 
 def covariance(
@@ -106,22 +108,22 @@ def covariance(
 
     It is twice the inverse of the Hessian (Laplace's approximation), as in :func:`minimise`.
     """
-    return 2 * _inverse(evaluate(problem, unknowns)[2])
+    return 2 * _positive_inverse(evaluate(problem, unknowns)[2])
 
 
 @dataclass(frozen=True)
-class _Search:
+class _SearchState:
     """Where N people are; changed in place.
 
     Attributes:
-        at: (N, W) unknowns.
+        unknowns: (N, W) unknowns.
         loss: (N,) there.
         gradient: (N, W) there.
         inverse: (N, W, W) of the Hessian, estimated.
         share: (N,) of the next step that is tried.
     """
 
-    at: Tensor
+    unknowns: Tensor
     loss: Tensor
     gradient: Tensor
     inverse: Tensor
@@ -140,7 +142,7 @@ class _Search:
         """
         newton = (self.inverse[rows] @ self.gradient[rows, :, None])[..., 0]
         step = -self.share[rows, None] * newton
-        loss, gradient = loss_and_gradient(problem, self.at[rows] + step)
+        loss, gradient = loss_and_gradient(problem, self.unknowns[rows] + step)
         slope = (step * self.gradient[rows]).sum(1)
         rise = loss - self.loss[rows]
         lower = rise <= _ARMIJO * slope + _ROUNDING * self.loss[rows].abs()
@@ -149,14 +151,14 @@ class _Search:
         self.share[rows] = torch.where(lower, 1.0, self.share[rows] * shorter)
         moved = rows[lower]
         change = (gradient - self.gradient[rows])[lower]
-        self.inverse[moved] = _updated(self.inverse[moved], step[lower], change)
-        self.at[moved] += step[lower]
+        self.inverse[moved] = _bfgs_update(self.inverse[moved], step[lower], change)
+        self.unknowns[moved] += step[lower]
         self.loss[moved] = loss[lower]
         self.gradient[moved] = gradient[lower]
         return lower, step.abs().amax(1)
 
 
-def _updated(inverse: Tensor, step: Tensor, change: Tensor) -> Tensor:
+def _bfgs_update(inverse: Tensor, step: Tensor, change: Tensor) -> Tensor:
     """Return inverse Hessians (n, W, W) after steps (n, W) that change the gradients (n, W), by the
     formula of Broyden, Fletcher, Goldfarb and Shanno; unchanged where the curvature is negative.
     """
@@ -170,7 +172,7 @@ def _updated(inverse: Tensor, step: Tensor, change: Tensor) -> Tensor:
     return inverse + factor * (longer * square - crossed - crossed.mT)
 
 
-def _inverse(hessian: Tensor) -> Tensor:
+def _positive_inverse(hessian: Tensor) -> Tensor:
     """Return the inverse (n, W, W) with the absolute values of the eigenvalues."""
     curvatures, axes = torch.linalg.eigh(hessian)
     found: Tensor = (axes / curvatures.abs().clamp(min=_LEAST_CURVATURE)[:, None]) @ axes.mT

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import joint_pair
 from physic_embedded.body_fit.fit import fit_bodies
+from physic_embedded.body_fit.fit_problem import InitialPose
+from physic_embedded.body_fit.initial_pose import initial_translation
 from physic_embedded.body_fit.pose_prior import pose_prior
-from physic_embedded.body_fit.problem import InitialPose
-from physic_embedded.body_fit.start import initial_translation
 
 if TYPE_CHECKING:
     from physic_core.body import BodyModel
@@ -50,12 +50,12 @@ def fit_without_world_landmarks(model: BodyModel, observations: BodyObservations
             roots.append(root)
             poses.append(np.broadcast_to(pose, (count, 21, 3)))
             places.append([initial_translation(p, observations, i) for i, p in enumerate(posed)])
-    tiled = _tile(observations, len(starts))
+    tiled = _repeat_observations(observations, len(starts))
     start = InitialPose(np.concatenate(roots), np.concatenate(poses), np.concatenate(places))
     return fit_bodies(model, tiled, start, starts=len(starts))
 
 
-def _tile(observations: BodyObservations, times: int) -> BodyObservations:
+def _repeat_observations(observations: BodyObservations, times: int) -> BodyObservations:
     """Repeat the observations of all people a number of times."""
     arrays: dict[str, Any] = {
         field.name: np.concatenate([getattr(observations, field.name)] * times)

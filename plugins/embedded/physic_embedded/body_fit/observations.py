@@ -82,7 +82,7 @@ def rotation_to_ray(ray: FloatArray) -> FloatArray:
 
 
 def observe_people(
-    keypoints: Keypoints, people: People, intrinsics: Intrinsics, said: Observations
+    keypoints: Keypoints, people: People, intrinsics: Intrinsics, person_observations: Observations
 ) -> BodyObservations:
     """Compute weights, sizes and viewing rays of all people.
 
@@ -90,7 +90,7 @@ def observe_people(
         keypoints: of a joint set with hips and shoulders; one row a person.
         people: their boxes give the size where there are no 3D landmarks.
         intrinsics: of the photo.
-        said: of the people, by the person observer.
+        person_observations: of the people, by the person observer.
     """
     from physic_core.engine.ground.stance import Stance
 
@@ -109,7 +109,7 @@ def observe_people(
     else:
         lost = np.asarray(~np.isfinite(world).all(-1))
         if lost.any():
-            world = _without_lost(world, lost, points, middle, confidence)
+            world = _fill_lost_landmarks(world, lost, points, middle, confidence)
         world = world - world[:, hips].mean(1, keepdims=True)
         size = SIZE_STATURE_M * _pixels_per_metre(points, world, confidence)
     world_weight = np.maximum(confidence, LEAST_WORLD_WEIGHT)
@@ -118,7 +118,7 @@ def observe_people(
     # A face tells how the head turns, and its points where it is: 3D landmarks, 4 to 8 cm off,
     # hardly turn a head. Of ears in the picture, networks invent what the head hides.
     ears = np.array([name.endswith("ear_surface") for name in skeleton.names])
-    weight[np.isfinite(said.head_sigma)[:, None] & ears] = 0
+    weight[np.isfinite(person_observations.head_sigma)[:, None] & ears] = 0
     return BodyObservations(
         skeleton,
         intrinsics,
@@ -129,9 +129,9 @@ def observe_people(
         _rotations_to(middle, intrinsics),
         world,
         world_weight,
-        Stance.in_picture(said).limb_touch_probability[:, :2],
-        np.asarray(said.head, np.float64),
-        np.radians(np.asarray(said.head_sigma, np.float64)),
+        Stance.in_picture(person_observations).limb_touch_probability[:, :2],
+        np.asarray(person_observations.head, np.float64),
+        np.radians(np.asarray(person_observations.head_sigma, np.float64)),
         keypoints.sigma,
         keypoints.depth_sigma,
         keypoints.world_spread,
@@ -159,7 +159,7 @@ def _rotations_to(pixels: FloatArray, intrinsics: Intrinsics) -> FloatArray:
     return np.stack([rotation_to_ray(ray) for ray in rays])
 
 
-def _without_lost(
+def _fill_lost_landmarks(
     world: FloatArray,
     lost: BoolArray,
     points: FloatArray,

@@ -16,12 +16,19 @@ from physic_core.engine.ground.posture import is_surely_standing, is_upright, tr
 from physic_core.geometry import rotmat_to_rotvec
 from physic_core.types import LEAST_PROBABILITY, POSTURES, SURE_CONFIDENCE, Bodies, Observations
 from physic_embedded.body_fit.fit import fit_bodies, fit_outlines, lifted_limbs
+from physic_embedded.body_fit.fit_problem import (
+    KNEE_SIGMA,
+    UPRIGHT_SIGMA,
+    FloorConstraint,
+    InitialPose,
+)
 from physic_embedded.body_fit.hidden_legs import (
-    legs_hidden,
+    has_hidden_legs,
     pitch_sigma,
     with_hidden_legs,
     without_guessed_legs,
 )
+from physic_embedded.body_fit.initial_pose import initial_translation, pose_from_landmarks
 from physic_embedded.body_fit.joint_sigma import joint_sigma, limb_evidence
 from physic_embedded.body_fit.lean import lean_towards_camera
 from physic_embedded.body_fit.limb_keypoints import limb_keypoints, sided_indices
@@ -34,14 +41,7 @@ from physic_embedded.body_fit.posture_legs import (
     with_legs,
     without_posture,
 )
-from physic_embedded.body_fit.problem import (
-    KNEE_SIGMA,
-    UPRIGHT_SIGMA,
-    FloorConstraint,
-    InitialPose,
-)
 from physic_embedded.body_fit.silhouette import outline_pairs, without_legs
-from physic_embedded.body_fit.start import initial_translation, pose_from_landmarks
 from physic_networks.bodies import observed_joints
 
 if TYPE_CHECKING:
@@ -101,16 +101,21 @@ def fit_people(
             parameters_from_rotations(rotations, betas, None, transl), "embedded", observed
         )
     skeleton = keypoints.joint_set
-    said = hints.observations or Observations.unknown(len(people))
+    person_observations = hints.observations or Observations.unknown(len(people))
     known = _known_up(hints)
     up = _UP_OF_LEVEL_CAMERA if known is None else known
     observations = with_hidden_legs(
-        observe_people(keypoints, people, intrinsics, said), skeleton, said, up
+        observe_people(keypoints, people, intrinsics, person_observations),
+        skeleton,
+        person_observations,
+        up,
     )
-    cut = legs_hidden(observations, skeleton)
+    cut = has_hidden_legs(observations, skeleton)
     with torch.enable_grad(), limited_threads():
         fit = _fit_keypoints(model, observations)
-        fit, upright = _upright(model, fit, observations, keypoints, said, known)
+        fit, upright = _refit_upright(
+            model, fit, observations, keypoints, person_observations, known
+        )
         lean_sigma = UPRIGHT_SIGMA / np.sqrt(np.where(upright > 0, upright, np.nan))
         pairs = outline_pairs(model, fit, observations, people, hints.original)
         lifted = None
@@ -123,7 +128,7 @@ def fit_people(
         "embedded",
         observed,
         rotation_sigma=rotation_sigma,
-        lean_sigma=np.where(cut & ~(upright > 0), pitch_sigma(said), lean_sigma),
+        lean_sigma=np.where(cut & ~(upright > 0), pitch_sigma(person_observations), lean_sigma),
         joint_sigma=None
         if lifted is None
         else joint_sigma(limb_evidence(observations, lifted.moved.numpy())),
@@ -157,23 +162,23 @@ def _fit_keypoints(model: BodyModel, observations: BodyObservations) -> FittedBo
     )
 
 
-def _trunks_to_compare(
-    keypoints: Keypoints, said: Observations, cut: BoolArray, is_known: bool
+def _has_comparable_trunk(
+    keypoints: Keypoints, person_observations: Observations, cut: BoolArray, is_known: bool
 ) -> BoolArray:
     """Return whose trunk (N,) is compared with the vertical, which is known or not: not that of
     people across the picture.
     """
-    lies = said.posture[:, POSTURES.index("lie")] > LEAST_PROBABILITY
+    lies = person_observations.posture[:, POSTURES.index("lie")] > LEAST_PROBABILITY
     across = np.abs(trunk_image_angle_deg(keypoints))
     return ((cut & ~lies) | is_known) & ~(across > _ACROSS_DEG)
 
 
-def _upright(
+def _refit_upright(
     model: BodyModel,
     fit: FittedBodies,
     observations: BodyObservations,
     keypoints: Keypoints,
-    said: Observations,
+    person_observations: Observations,
     known: FloatArray | None,
 ) -> tuple[FittedBodies, FloatArray]:
     """Repeat the fit with the vertical (3,), or that of a level camera if none is known: feet
@@ -186,15 +191,17 @@ def _upright(
     The landmarks are turned back by the lean before the fit. Turning the finished body instead
     would not do: its keypoints move, and the next optimisation turns it back.
     """
-    cut = legs_hidden(observations, observations.skeleton)
-    trunk = _trunks_to_compare(keypoints, said, cut, known is not None)
+    cut = has_hidden_legs(observations, observations.skeleton)
+    trunk = _has_comparable_trunk(keypoints, person_observations, cut, known is not None)
     if not trunk.any() or observations.depth_sigma is not None:
         return fit, np.zeros(len(trunk))
     up = np.asarray(_UP_OF_LEVEL_CAMERA if known is None else known, np.float64)
     joints = fit.joints.double().numpy()
-    stands = _has_straight_legs(joints, observations) | _stands(keypoints, said)
-    upright, turn = _leaning(joints, observations, up, cut, stands & trunk)
-    legs = without_posture(legs_by_posture(said), ~trunk)
+    stands = _has_straight_legs(joints, observations) | _surely_stands(
+        keypoints, person_observations
+    )
+    upright, turn = _correctable_lean(joints, observations, up, cut, stands & trunk)
+    legs = without_posture(legs_by_posture(person_observations), ~trunk)
     posed = legs_of_other_postures(joints, observations, up, legs)
 
     def refit(
@@ -202,8 +209,12 @@ def _upright(
     ) -> FittedBodies:
         return fit_bodies(
             model,
-            without_guessed_legs(observations, observations.skeleton, said, up, posed),
-            with_legs(_restart(fit, observations, turn, upright), joints, posed, up, legs),
+            without_guessed_legs(
+                observations, observations.skeleton, person_observations, up, posed
+            ),
+            with_legs(
+                _initial_poses_from_fit(fit, observations, turn, upright), joints, posed, up, legs
+            ),
             floor=FloorConstraint(up, trunk, share, pitch, legs),
             earlier=earlier,
             continues=continues,
@@ -216,13 +227,13 @@ def _upright(
         legs = without_posture(legs, unlike)
         posed &= ~unlike[:, None]
         again = refit(share, turn, (again, unlike))
-    share, costly = _share_by_cost(upright, again.loss - fit.loss)
+    share, costly = _upright_share(upright, again.loss - fit.loss)
     if costly.any():
         again = refit(share, share * turn, (again, costly), continues=True)
     return again, share
 
 
-def _share_by_cost(upright: BoolArray, rise: FloatArray) -> tuple[FloatArray, BoolArray]:
+def _upright_share(upright: BoolArray, rise: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return the share of uprightness (N,) by the rise of the loss (N,), and for whom it is less
     than whole (N,).
     """
@@ -231,7 +242,7 @@ def _share_by_cost(upright: BoolArray, rise: FloatArray) -> tuple[FloatArray, Bo
     return np.where(costly, less, upright), costly
 
 
-def _leaning(
+def _correctable_lean(
     joints: FloatArray,
     observations: BodyObservations,
     up: FloatArray,
@@ -254,7 +265,7 @@ def _has_straight_legs(joints: FloatArray, observations: BodyObservations) -> Bo
     return np.asarray(standing_legs(joints).any(1) & legs_visible)
 
 
-def _restart(
+def _initial_poses_from_fit(
     fit: FittedBodies, observations: BodyObservations, turn: FloatArray, upright: BoolArray
 ) -> InitialPose:
     """Return initial poses from a finished fit: people rotated about the x axis of their view, with
@@ -278,9 +289,11 @@ def _restart(
     return InitialPose(root, pose, fit.transl.double().numpy())
 
 
-def _stands(keypoints: Keypoints, said: Observations) -> BoolArray:
+def _surely_stands(keypoints: Keypoints, person_observations: Observations) -> BoolArray:
     """Return which of N people surely stand or walk by picture and observer, (N,) bool."""
-    return np.asarray(is_surely_standing(said) & is_upright(keypoints, said))
+    return np.asarray(
+        is_surely_standing(person_observations) & is_upright(keypoints, person_observations)
+    )
 
 
 def _rotation_sigma(

@@ -41,7 +41,7 @@ _ELBOW_BENT = 0.3
 _FINGER_CURL = 0.25
 
 
-def _side(name: str) -> float:
+def _side_sign(name: str) -> float:
     """Return +1 for a left, -1 for a right and 0 for a middle joint."""
     return float(name.startswith("left_")) - float(name.startswith("right_"))
 
@@ -73,7 +73,7 @@ def pose_prior(*, tight: bool = False) -> tuple[FloatArray, FloatArray]:
         sigma *= np.array([[_TIGHTER.get(name.rstrip("123"), 1.0)] for name in joints])
     mean = np.zeros((21, 3))
     for row, name in enumerate(body):
-        side = _side(name)
+        side = _side_sign(name)
         if name.endswith("shoulder"):
             mean[row, 2] = -side * _ARM_DOWN
         elif name.endswith("knee"):
@@ -88,7 +88,7 @@ def hinge_joints() -> tuple[tuple[int, int, float], ...]:
     index among joints 1 to 21, the axis, and the sign of the angle when it bends as it should.
     """
     knees = [(JOINT_INDEX[f"{side}_knee"] - 1, 0, 1.0) for side in SIDES]
-    elbows = [(JOINT_INDEX[f"{side}_elbow"] - 1, 1, -_side(f"{side}_")) for side in SIDES]
+    elbows = [(JOINT_INDEX[f"{side}_elbow"] - 1, 1, -_side_sign(f"{side}_")) for side in SIDES]
     return (*knees, *elbows)
 
 
@@ -99,5 +99,5 @@ def relaxed_finger_pose() -> FloatArray:
     curl = np.zeros((33, 3))
     for row, name in enumerate(JOINT_NAMES[22:]):
         if any(finger in name for finger in ("index", "middle", "pinky", "ring")):
-            curl[row, 2] = -_side(name) * _FINGER_CURL
+            curl[row, 2] = -_side_sign(name) * _FINGER_CURL
     return curl

@@ -14,14 +14,14 @@ import numpy as np
 
 from physic_core.body import JOINT_INDEX, joint_pair
 from physic_core.types import POSTURES, SIDES, SURE_CONFIDENCE
+from physic_embedded.body_fit.fit_problem import LegsByPosture
+from physic_embedded.body_fit.initial_pose import bent_leg
 from physic_embedded.body_fit.limb_keypoints import sided_indices
-from physic_embedded.body_fit.problem import LegsByPosture
-from physic_embedded.body_fit.start import bent_leg
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Observations
+    from physic_embedded.body_fit.fit_problem import InitialPose
     from physic_embedded.body_fit.observations import BodyObservations
-    from physic_embedded.body_fit.problem import InitialPose
 
 
 _LEG = ("hip", "knee", "ankle")
@@ -37,12 +37,12 @@ _STANDING = 0.7  # limit of the cosine from which on a posture's legs are straig
 _SHOWN_BEND = np.radians(25.0)  # of a knee in the picture, which is real
 
 
-def legs_by_posture(said: Observations) -> LegsByPosture:
+def legs_by_posture(person_observations: Observations) -> LegsByPosture:
     """Return where the legs of N people lie by their postures."""
-    cosine = np.zeros((len(said), 2))
-    sigma = np.full((len(said), 2), np.inf)
+    cosine = np.zeros((len(person_observations), 2))
+    sigma = np.full((len(person_observations), 2), np.inf)
     for name, (thigh, thigh_sigma, shank, shank_sigma) in _LIMITS.items():
-        sure = said.posture[:, POSTURES.index(name)] > _SURE
+        sure = person_observations.posture[:, POSTURES.index(name)] > _SURE
         cosine[sure] = thigh, shank
         sigma[sure] = thigh_sigma, shank_sigma
     return LegsByPosture(cosine, sigma)

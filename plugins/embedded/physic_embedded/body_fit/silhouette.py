@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from physic_core.body import JOINT_NAMES
 from physic_core.geometry import rasterize
 from physic_core.types import SURE_CONFIDENCE
-from physic_embedded.body_fit.problem import OutlinePairs
+from physic_embedded.body_fit.fit_problem import OutlinePairs
 
 if TYPE_CHECKING:
     from physic_core.body import BodyModel
@@ -97,9 +97,9 @@ def outline_pairs(
         # Vertices lie beside the outline, at an offset that stays constant.
         off = lines.point - _project(vertices[i][vertex[i]], camera)
         offset[i] = lines.offset - (normal[i] * off).sum(-1)
-    used, rows = np.unique(vertex, return_inverse=True)
+    loss_points, rows = np.unique(vertex, return_inverse=True)
     return OutlinePairs(
-        *map(torch.from_numpy, (used, rows.reshape(vertex.shape), normal, offset, weight))
+        *map(torch.from_numpy, (loss_points, rows.reshape(vertex.shape), normal, offset, weight))
     )
 
 
@@ -161,7 +161,7 @@ class _Crop:
 
 
 @dataclass(frozen=True)
-class _Lines:
+class _PointPairs:
     """Pairs of one person: points (P, 2) px of the body's outline, vertices (P,) near them, and
     lines as in :class:`OutlinePairs`.
     """
@@ -173,15 +173,21 @@ class _Lines:
     weight: FloatArray
 
 
-def _person_pairs(model: BodyModel, crop: _Crop) -> _Lines | None:
+def _person_pairs(model: BodyModel, crop: _Crop) -> _PointPairs | None:
     """Return the pairs of one person at coarse vertices, or None if mask or body is not there."""
     mask = _outline(crop.mask)
     body = _outline(crop.vertex >= 0)
     if mask is None or body is None:
         return None
-    both = _drawn_out(crop, mask.spaced(), body), _drawn_in(crop, mask, body.spaced())
-    lines = _Lines(
-        *(np.concatenate([getattr(each, part.name) for each in both]) for part in fields(_Lines))
+    both = (
+        _pairs_outside_body(crop, mask.spaced(), body),
+        _pairs_outside_mask(crop, mask, body.spaced()),
+    )
+    lines = _PointPairs(
+        *(
+            np.concatenate([getattr(each, part.name) for each in both])
+            for part in fields(_PointPairs)
+        )
     )
     coarse = model.coarse.ids.numpy()[model.coarse.of_vertex.numpy()[lines.vertex]]
     return replace(lines, vertex=coarse, weight=lines.weight * ~_is_finger(model)[lines.vertex])
@@ -218,7 +224,7 @@ def _crop(
     return _Crop(
         mask=cut(own.astype(np.float32), 0, cv2.INTER_LINEAR) > 0.5,
         others=cut(others.astype(np.float32), 0, cv2.INTER_LINEAR) > 0.3,
-        border=_near(cut(np.ones(own.shape, np.float32), 0, cv2.INTER_NEAREST) < 0.5, 2),
+        border=_dilated(cut(np.ones(own.shape, np.float32), 0, cv2.INTER_NEAREST) < 0.5, 2),
         depth=None if depth is None else cut(depth.astype(np.float32), np.inf, cv2.INTER_NEAREST),
         vertex=np.where(face < 0, -1, model.faces.numpy()[face, 0]),
         low=low,
@@ -238,53 +244,53 @@ def _crop_corners(pixels: FloatArray, mask: BoolArray) -> tuple[FloatArray, Floa
     return low, high
 
 
-def _drawn_out(crop: _Crop, mask: _Outline, body: _Outline) -> _Lines:
+def _pairs_outside_body(crop: _Crop, mask: _Outline, body: _Outline) -> _PointPairs:
     """Pair points of the mask that lie outside the body with the nearest point of the body's
     outline.
     """
     gap, near = cKDTree(body.points).query(mask.points)
-    at = _at(mask.points)
+    at = _pixel_indices(mask.points)
     weight = (
         (crop.vertex[at] < 0)
         & ((mask.normals * body.normals[near]).sum(-1) > _SAME_DIRECTION)
-        & ~_near(crop.others, 3)[at]
+        & ~_dilated(crop.others, 3)[at]
         & ~crop.border[at]
         & (gap < _REACH * crop.size * crop.scale)
     )
-    return _lines(crop, body.points[near], mask.points, -mask.normals, weight, _CLOTHES)
+    return _point_pairs(crop, body.points[near], mask.points, -mask.normals, weight, _CLOTHES)
 
 
-def _drawn_in(crop: _Crop, mask: _Outline, body: _Outline) -> _Lines:
+def _pairs_outside_mask(crop: _Crop, mask: _Outline, body: _Outline) -> _PointPairs:
     """Pair points of the body that lie outside the mask, and that nothing hides, with the nearest
     point of the mask.
     """
     gap, near = cKDTree(mask.points).query(body.points)
-    at = _at(body.points)
+    at = _pixel_indices(body.points)
     weight = (
         ~crop.mask[at]
-        & ~_near(crop.others, 1)[at]
+        & ~_dilated(crop.others, 1)[at]
         & ~crop.border[at]
         & ~_hidden(crop, body.points, (mask.points - 2 * mask.normals)[near])
         & (gap < _REACH * crop.size * crop.scale)
     )
     normal = (body.points - mask.points[near]) / np.maximum(gap, 1e-6)[:, None]
-    return _lines(crop, body.points, mask.points[near], normal, weight, _RIM)
+    return _point_pairs(crop, body.points, mask.points[near], normal, weight, _RIM)
 
 
-def _lines(
+def _point_pairs(
     crop: _Crop,
     body: FloatArray,
     mask: FloatArray,
     normal: FloatArray,
     weight: BoolArray,
     margin: float,
-) -> _Lines:
+) -> _PointPairs:
     """Return the pairs of points (P, 2) px of the crop on body and mask, by normals (P, 2) and a
     margin in sizes of the person.
     """
-    return _Lines(
+    return _PointPairs(
         crop.in_photo(body),
-        crop.vertex[_at(body)],
+        crop.vertex[_pixel_indices(body)],
         normal / crop.size,
         (crop.in_photo(mask) * normal).sum(-1) / crop.size + margin,
         weight.astype(float),
@@ -298,19 +304,19 @@ def _hidden(crop: _Crop, points: FloatArray, person: FloatArray) -> BoolArray:
     if crop.depth is None:
         return np.ones(len(points), bool)
     limits = np.array(crop.mask.shape)[::-1] - 1
-    own = crop.depth[_at(np.clip(person, 0, limits))]
+    own = crop.depth[_pixel_indices(np.clip(person, 0, limits))]
     seen = crop.depth[crop.mask & np.isfinite(crop.depth)]
     own = np.where(np.isfinite(own), own, np.median(seen) if len(seen) else np.inf)
-    return np.asarray(crop.depth[_at(points)] < _NEARER * own)
+    return np.asarray(crop.depth[_pixel_indices(points)] < _NEARER * own)
 
 
-def _at(points: FloatArray) -> tuple[Int64Array, Int64Array]:
+def _pixel_indices(points: FloatArray) -> tuple[Int64Array, Int64Array]:
     """Return rows and columns of the pixels of points (n, 2)."""
     column, row = np.round(points).astype(int).T
     return row, column
 
 
-def _near(mask: BoolArray, reach: int) -> BoolArray:
+def _dilated(mask: BoolArray, reach: int) -> BoolArray:
     """Return a mask grown by a number of px."""
     return np.asarray(
         cv2.dilate(mask.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)) > 0

@@ -75,7 +75,7 @@ def predict_surfaces(
     logits = logits[0, :rows, :columns, 1:]
     exponential = np.exp(logits - logits.max(axis=-1, keepdims=True))
     total = exponential.sum(axis=-1, keepdims=True)
-    probability = exponential @ _grouping() / total
+    probability = exponential @ _surface_of_class() / total
     framed = exponential[..., np.array(_FRAMED) - 1].sum(-1) / total[..., 0]
     corners = placement.to_canvas(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])) / STRIDE
     to_grid = np.stack([corners[1] - corners[0], corners[2] - corners[0], corners[0]], axis=1)
@@ -127,7 +127,7 @@ def label_surfaces(
 
 
 @cache
-def _grouping() -> FloatArray:
+def _surface_of_class() -> FloatArray:
     """Return (31, S), 1 where a class of the network belongs to a surface."""
     matrix = np.zeros((31, len(SURFACE_NAMES)), np.float32)
     for name, classes in ADE20K_CLASSES.items():

@@ -30,7 +30,7 @@ do, and masks of standing people end where the soles of bodies that are fitted w
 _HIP_WEIGHT = 0.5  # BlazePose marks hips on the skin, with a larger error than other joints
 
 
-def _attachment() -> dict[str, dict[str, float]]:
+def _body_point_weights() -> dict[str, dict[str, float]]:
     """Return the position of each keypoint as weights of points on the body."""
     places: dict[str, dict[str, float]] = {}
     for side, other in zip(SIDES, reversed(SIDES), strict=True):
@@ -43,7 +43,7 @@ def _attachment() -> dict[str, dict[str, float]]:
 BLAZEPOSE_SKELETON = Skeleton(
     "blazepose33",
     SKELETONS["blazepose33"].names,
-    on_body=_attachment(),
+    on_body=_body_point_weights(),
     weights={f"{side}_hip": _HIP_WEIGHT for side in SIDES},
 )
 """MediaPipe BlazePose skeleton with the calibration of the network in this package."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_embedded.networks.patch_tokens import PatchTokens, TokensOfPasses
+from physic_embedded.networks.patch_tokens import PatchTokens, TokenStore
 from physic_networks.pictures import IMAGENET_MEAN, letterbox
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ _ENCODED = "out_cast_fp16"  # output of the encoder: the class token, then one o
 _PATCH = 14  # px, side of the vision transformer's patches
 # Patches: a photo that is longer by less is shrunk, and gets no further row or column of them.
 _OVERHANG = 0.1
-TOKENS = TokensOfPasses()
+TOKENS = TokenStore()
 """Tokens of passes for a depth map, until the observer of the same photo reads them."""
 
 _FILL = tuple(round(255 * mean) for mean in IMAGENET_MEAN)
@@ -67,7 +67,7 @@ def predict_disparity(
         (h, w) float32, at least 0, of the photo alone; at most of the size that
         :func:`network_input_size` gives.
     """
-    fed, photo = _fed(image, short_side, max_tokens)
+    fed, photo = _network_input(image, short_side, max_tokens)
 
     def see(tokens: Float32Array) -> None:
         TOKENS.put(_key(session.name, fed), tokens)
@@ -81,7 +81,7 @@ def disparity_and_tokens(
     session: OnnxSession, image: UInt8Array, short_side: int, max_tokens: int
 ) -> tuple[Float32Array, PatchTokens]:
     """Return the map of :func:`predict_disparity` and the tokens of the same pass."""
-    fed, photo = _fed(image, short_side, max_tokens)
+    fed, photo = _network_input(image, short_side, max_tokens)
     answer, tokens = session.run(["depth", _ENCODED], {"image": fed}, keep=True)
     return np.asarray(photo.crop(answer[0]), np.float32), _patches(tokens, fed, photo)
 
@@ -103,7 +103,7 @@ def patch_tokens(
         short_side: px of the network's input.
         max_tokens: cap on the number of patches.
     """
-    fed, photo = _fed(image, short_side, max_tokens)
+    fed, photo = _network_input(image, short_side, max_tokens)
     tokens = TOKENS.take(_key(graph, fed))
     if tokens is None:
         (tokens,) = open_session(graph).run([_ENCODED], {"image": fed})
@@ -115,7 +115,9 @@ def _patches(tokens: Float32Array, fed: Float32Array, photo: Letterbox) -> Patch
     return PatchTokens(tokens[0, 1:].reshape(rows, columns, -1), _PATCH, photo)
 
 
-def _fed(image: UInt8Array, short_side: int, max_tokens: int) -> tuple[Float32Array, Letterbox]:
+def _network_input(
+    image: UInt8Array, short_side: int, max_tokens: int
+) -> tuple[Float32Array, Letterbox]:
     """Return the network's input (1, 3, h, w), and where the photo lies in it."""
     height, width = image.shape[:2]
     rows, columns = network_input_size(height, width, short_side, max_tokens)

@@ -57,7 +57,7 @@ def face_square(at: Mapping[str, FloatArray]) -> RotatedSquare:
     return RotatedSquare.upright(center, max(4.2 * tall, 1.9 * wide, 2.4 * deep), eyes - mouth)
 
 
-def look_of_face(
+def predict_face_direction(
     session: OnnxSession, picture: ImagePyramid, square: RotatedSquare
 ) -> tuple[FloatArray, FloatArray] | None:
     """Find the face in a square of a photo.
@@ -71,7 +71,7 @@ def look_of_face(
         The middle of the face (2,) px, and the unit vector (3,) in which it looks, in the axes of a
         camera that looks straight at it (x right, y down, z away); None without a face.
     """
-    points, score = _look(session, picture, square)
+    points, score = _run_network(session, picture, square)
     if score < _LEAST_FIRST_SCORE:
         return None
     flat = points[:, :2]
@@ -79,13 +79,13 @@ def look_of_face(
     square = RotatedSquare.upright(
         (low + high) / 2, _MARGIN * float((high - low).max()), flat[_FOREHEAD] - flat[_CHIN]
     )
-    points, score = _look(session, picture, square)
+    points, score = _run_network(session, picture, square)
     if score < _LEAST_SCORE:
         return None
-    return points[:, :2].mean(0), _forward(points)
+    return points[:, :2].mean(0), _face_direction(points)
 
 
-def _look(
+def _run_network(
     session: OnnxSession, picture: ImagePyramid, square: RotatedSquare
 ) -> tuple[FloatArray, float]:
     """Return the points (468, 3) in px of the photo, z away from the camera, and the score in
@@ -99,7 +99,7 @@ def _look(
     return np.concatenate([flat, depth], 1), float(sigmoid(score.ravel())[0])
 
 
-def _forward(points: FloatArray) -> FloatArray:
+def _face_direction(points: FloatArray) -> FloatArray:
     """Return the unit vector (3,) across the face, away from the head."""
     stretched = points * [1, 1, DEPTH_FACTOR]
     left = _unit(np.sum([_unit(stretched[a] - stretched[b]) for a, b in _PAIRS], 0))

@@ -80,8 +80,8 @@ def predict_hand_landmarks(
         square: see :func:`square_from_landmarks`.
     """
     cut = picture.crop(square, LANDMARK_SIZE)
-    points, world, presence, right = _look(session, cut)
-    other, other_world, other_presence, other_right = _look(session, cut[:, ::-1])
+    points, world, presence, right = _run_network(session, cut)
+    other, other_world, other_presence, other_right = _run_network(session, cut[:, ::-1])
     other = other * [-1.0, 1.0] + [float(LANDMARK_SIZE), 0.0]
     gap = np.linalg.norm(points - other, axis=1).mean() / max(np.ptp(points, axis=0).max(), 1e-6)
     mean_world = (world + other_world * [-1.0, 1.0, 1.0]) / 2
@@ -94,7 +94,9 @@ def predict_hand_landmarks(
     )
 
 
-def _look(session: OnnxSession, cut: UInt8Array) -> tuple[FloatArray, FloatArray, float, float]:
+def _run_network(
+    session: OnnxSession, cut: UInt8Array
+) -> tuple[FloatArray, FloatArray, float, float]:
     """Run the landmark network on a crop: landmarks in crop coordinates, landmarks in metres,
     presence, right-hand score.
     """
@@ -140,7 +142,7 @@ def find_hand(
     best = None
     most = 0.0
     for start in starts:
-        points, _, presence, right = _look(landmarker, picture.crop(start, LANDMARK_SIZE))
+        points, _, presence, right = _run_network(landmarker, picture.crop(start, LANDMARK_SIZE))
         points = start.to_photo(points, LANDMARK_SIZE)
         worth = presence * (0.2 + (right if side == "right" else 1.0 - right))
         near = np.linalg.norm(points[0] - wrist) < 0.25 * around.side

@@ -34,12 +34,12 @@ class PatchTokens:
     photo: Letterbox
 
     @property
-    def shown(self) -> FloatArray:
+    def photo_grid(self) -> FloatArray:
         """The tokens (h, w, C) of the patches that show the photo."""
         (left, top), (right, bottom) = self._bounds()
         return self.grid[top:bottom, left:right]
 
-    def around(self, points: FloatArray, reach: int = 1) -> FloatArray:
+    def mean_around(self, points: FloatArray, reach: int = 1) -> FloatArray:
         """Return the mean token (N, C) of the patches at most ``reach`` from the one at each point.
 
         Args:
@@ -50,7 +50,7 @@ class PatchTokens:
         column, row = np.clip(self._cells(points), first, end - 1).astype(int).T
         return self._means(row - reach, row + reach + 1, column - reach, column + reach + 1)
 
-    def within(self, boxes: FloatArray) -> FloatArray:
+    def mean_in_boxes(self, boxes: FloatArray) -> FloatArray:
         """Return the mean token (N, C) of the patches that boxes (N, 4) x0 y0 x1 y1 px touch."""
         first, end = self._bounds()
         low = np.clip(self._cells(boxes[:, :2] - 0.5), first, end - 1)
@@ -89,7 +89,7 @@ class PatchTokens:
         return np.array(means, np.float64).reshape(-1, self.grid.shape[2])
 
 
-class TokensOfPasses:
+class TokenStore:
     """Tokens of passes of an encoder, kept until they are taken; thread-safe.
 
     Attributes:

@@ -142,24 +142,24 @@ def predict_pose(
         passes: number of runs, at least 1; the second moves joints by a few px, more move nothing.
     """
     for _ in range(passes - 1):
-        look = _look(session, picture.crop(square, LANDMARK_SIZE))
+        look = _run_network(session, picture.crop(square, LANDMARK_SIZE))
         square = person_square(*square.to_photo(look.points[33:35], LANDMARK_SIZE))
     cut = picture.crop(square, LANDMARK_SIZE)
-    return _with_mirror_image(session, cut, square, _look(session, cut))
+    return _with_mirror_image(session, cut, square, _run_network(session, cut))
 
 
-def predict_hopeful_pose(
+def predict_pose_if_present(
     session: OnnxSession, picture: ImagePyramid, square: RotatedSquare
 ) -> Pose | None:
     """Return :func:`predict_pose` of a square, or None if the first look is hopeless."""
-    look = _look(session, picture.crop(square, LANDMARK_SIZE))
+    look = _run_network(session, picture.crop(square, LANDMARK_SIZE))
     if look.score < _HOPELESS:
         return None
     refined = person_square(*square.to_photo(look.points[33:35], LANDMARK_SIZE))
     return predict_pose(session, picture, refined, passes=1)
 
 
-def predict_scored_pose(
+def predict_pose_above_score(
     session: OnnxSession, picture: ImagePyramid, square: RotatedSquare, score: float
 ) -> Pose | None:
     """Predict the pose of the person in a square that is not refined.
@@ -169,7 +169,7 @@ def predict_scored_pose(
         looked at where the first look is hopeless, or no score of it could raise the mean so far.
     """
     cut = picture.crop(square, LANDMARK_SIZE)
-    look = _look(session, cut)
+    look = _run_network(session, cut)
     if look.score < max(_HOPELESS, 2 * score - 1.0):
         return None
     pose = _with_mirror_image(session, cut, square, look)
@@ -180,7 +180,7 @@ def _with_mirror_image(
     session: OnnxSession, cut: UInt8Array, square: RotatedSquare, look: _RawPose
 ) -> Pose:
     """Average the output for a crop with that for its mirror image, and convert it to the photo."""
-    other = _look(session, cut[:, ::-1]).mirrored()
+    other = _run_network(session, cut[:, ::-1]).mirrored()
     mean = _mean(look, other)
     world = mean.world[:33]
     return Pose(
@@ -247,7 +247,7 @@ class _RawPose:
         )
 
 
-def _look(session: OnnxSession, cut: UInt8Array) -> _RawPose:
+def _run_network(session: OnnxSession, cut: UInt8Array) -> _RawPose:
     """Run the landmark network on a (256, 256, 3) crop."""
     raw, score, mask, world = session.run(
         ["landmarks", "presence", "mask", "world_landmarks"],

@@ -63,20 +63,20 @@ def detect_people(
     windows = [
         (0.0, 0.0, float(long_side), threshold),
         *((*tile, tile_threshold) for tile in tiles(picture.width, picture.height, fractions)),
-        *((*_window(box), tile_threshold) for box in around),
+        *((*_search_square(box), tile_threshold) for box in around),
     ]
-    found = [d for window in windows for d in _in_window(session, picture, *window)]
+    found = [d for window in windows for d in _detect_in_square(session, picture, *window)]
     return merge_candidates(found)
 
 
-def _window(box: FloatArray) -> tuple[float, float, float]:
+def _search_square(box: FloatArray) -> tuple[float, float, float]:
     """Return the square (x, y, side) around a box (4,), px."""
     side = AROUND * float((box[2:] - box[:2]).max())
     x, y = (box[:2] + box[2:]) / 2 - side / 2
     return float(x), float(y), side
 
 
-def _in_window(
+def _detect_in_square(
     session: OnnxSession, picture: ImagePyramid, x: float, y: float, side: float, lowest: float
 ) -> list[BoxDetection]:
     """Return the candidates of at least a score in a square of the photo, px, and in its mirror
@@ -95,7 +95,7 @@ def _in_window(
             ["boxes", "scores"], {"image": pixels[None].astype(np.float32) / 127.5 - 1.0}
         )
         for d in decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, lowest):
-            points = square.to_photo(_points_of(d, mirrored), DETECTOR_SIZE)
+            points = square.to_photo(_box_and_keypoints(d, mirrored), DETECTOR_SIZE)
             points = (points + 0.5) * scale - 0.5
             found.append(BoxDetection(points[:2].ravel(), points[2:], d.score))
     return found
@@ -112,7 +112,7 @@ def _smallest_level(picture: ImagePyramid, fraction: float) -> UInt8Array:
     ][-1]
 
 
-def _points_of(found: BoxDetection, mirrored: bool) -> FloatArray:
+def _box_and_keypoints(found: BoxDetection, mirrored: bool) -> FloatArray:
     """Return corners of the box and keypoints (2 + K, 2) in the input before mirroring, px."""
     points = np.concatenate([found.box.reshape(2, 2), found.keypoints])
     if mirrored:

@@ -59,7 +59,7 @@ _EDGE = 0.02  # of the side of a tile: boxes nearer to its edge touch it
 _LEAST = {"skateboard": 0.7}  # boxes with lower scores are mostly shoes
 
 
-class Found(NamedTuple):
+class BoxesByClass(NamedTuple):
     """Boxes in an image, best first.
 
     Attributes:
@@ -104,7 +104,7 @@ def detect_boxes(
     min_score: float,
     min_tile_score: float,
     fractions: Sequence[float] = (),
-) -> Found:
+) -> BoxesByClass:
     """Detect people, animals, boards and cycles in an image (H, W, 3).
 
     A box that touches an edge of its tile inside the image is dropped: the rest of it is in another
@@ -137,7 +137,7 @@ def detect_boxes(
     ]
     others.sort(key=lambda pair: -scores[pair[1], pair[0]])
     rows, chosen = np.array(others, np.intp).reshape(-1, 2).T
-    return Found(
+    return BoxesByClass(
         Detections(boxes[people], scores[people, 0]),
         Detections(boxes[chosen], scores[chosen, rows]),
         tuple(list(CLASSES)[row] for row in rows),

@@ -31,7 +31,7 @@ _FACE_OF_LEG = 0.24
 have less, and most of those who are squeezed have more."""
 
 
-def doubt_hidden_hips(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
+def lower_confidence_of_hidden_hips(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
     """Lower the confidence of hips of people who are seen only down to the hips.
 
     BlazePose puts the hips of people whom something hides below the waist to the lower end of what
@@ -43,7 +43,7 @@ def doubt_hidden_hips(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
         masks: (N, H, W), their pixels.
     """
     confidence = keypoints.confidence.copy()
-    squeezed = squeezes(keypoints.points) > _SQUEEZED
+    squeezed = squeeze_factors(keypoints.points) > _SQUEEZED
     confidence[squeezed, _BELOW_TRUNK] = confidence[squeezed, _BELOW_TRUNK].clip(max=_DOUBTFUL)
     hips = MIDDLES["hips"]
     hidden = confidence[:, _LEGS].max(1, initial=0) < SEEN_CONFIDENCE
@@ -53,7 +53,7 @@ def doubt_hidden_hips(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
     return replace(keypoints, confidence=confidence)
 
 
-def squeezes(points: FloatArray) -> FloatArray:
+def squeeze_factors(points: FloatArray) -> FloatArray:
     """Return how much too large the faces of N people are for trunk and legs, (N,): above 1 where
     the network squeezed them into what it saw, joints (N, 33, 2) px.
 

@@ -33,7 +33,7 @@ def grey_out(image: UInt8Array, poses: Sequence[Pose]) -> UInt8Array:
     return grey
 
 
-def without_covered(pose: Pose, others: Sequence[Pose]) -> Pose:
+def without_covered_joints(pose: Pose, others: Sequence[Pose]) -> Pose:
     """Return a pose found with other people in grey, with visibility 0 at the joints that they
     cover: the network takes grey for clothes.
     """

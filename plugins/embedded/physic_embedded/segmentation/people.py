@@ -21,18 +21,18 @@ from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.pose import (
     average_agreeing,
     person_square,
-    predict_hopeful_pose,
     predict_pose,
-    predict_scored_pose,
+    predict_pose_above_score,
+    predict_pose_if_present,
 )
 from physic_embedded.networks.pose_detection import detect_people
 from physic_embedded.networks.yolox import detect_boxes
-from physic_embedded.segmentation.hidden_people import grey_out, without_covered
-from physic_embedded.segmentation.turned import (
+from physic_embedded.segmentation.hidden_people import grey_out, without_covered_joints
+from physic_embedded.segmentation.rotated_people import (
     SURE_FIT,
-    is_steady,
-    is_turned,
-    look_turned,
+    best_pose_of_turned_squares,
+    is_rotated_pose,
+    is_stable_pose,
     square_around,
 )
 from physic_embedded.segmentation.upper_bodies import square_from_upper_half, with_upper_bodies
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from physic_core.types import Carrier, FloatArray, UInt8Array
     from physic_embedded.networks.crops import RotatedSquare
     from physic_embedded.networks.pose import Pose
-    from physic_embedded.networks.yolox import Found
+    from physic_embedded.networks.yolox import BoxesByClass
     from physic_networks.onnx_sessions import OnnxSession
     from physic_networks.people import Detections
 
@@ -173,7 +173,7 @@ def detect_poses(
     things = detect_boxes(
         box_detector, image, min_score=least, min_tile_score=least, fractions=tiles
     )
-    every, left_out = _without_others(things, box_score)
+    every, left_out = _without_things(things, box_score)
     boxes = every[every.scores > lowest]
     posed = [
         (box, float(score), pose_in_box(landmarker, picture, box))
@@ -194,13 +194,13 @@ def detect_poses(
     without_box = _poses_without_box(blazepose, things, lowest)
     kept = _without_repeats(_best_poses(posed, candidates, box_score) + without_box)
     unposed = _add_hidden_people(landmarker, image, posed, kept, box_score)
-    unposed += _beyond_limit(kept, max_people) + _unclear(every[every.scores <= lowest])
+    unposed += _beyond_limit(kept, max_people) + _low_score_people(every[every.scores <= lowest])
     kept = _with_upper_bodies(landmarker, image, kept[:max_people])
     return FoundPeople(kept, unposed, left_out, things.carriers(box_score))
 
 
 def _poses_without_box(
-    poses: Sequence[tuple[Pose, float]], things: Found, least: float
+    poses: Sequence[tuple[Pose, float]], things: BoxesByClass, least: float
 ) -> list[DetectedPose]:
     """Return the sure ones of poses with scores, where no animal or board of ``least`` score is."""
     return [
@@ -217,7 +217,7 @@ def _beyond_limit(people: Sequence[DetectedPose], most: int) -> list[UnposedPers
     return [unposed_person(person.extent, person.score, why) for person in people[most:]]
 
 
-def _unclear(boxes: Detections) -> list[UnposedPerson]:
+def _low_score_people(boxes: Detections) -> list[UnposedPerson]:
     """Return the people of boxes whose scores are too low to look at them."""
     return [
         unposed_person(box, float(score), HARDLY_VISIBLE)
@@ -252,7 +252,7 @@ def _repeats_turned_person(person: DetectedPose, people: Sequence[DetectedPose])
     return any(
         person.box is not None
         and other.box is not None
-        and is_turned(other.pose, box_fit(other.pose, other.box))
+        and is_rotated_pose(other.pose, box_fit(other.pose, other.box))
         and share_inside(person.box, other.box) >= MIN_PART
         and mask_overlap(person.pose, other.pose) > MAX_SHARED_MASK
         for other in people
@@ -263,12 +263,12 @@ def _is_new(pose: Pose, people: Sequence[DetectedPose], most_shared: float) -> b
     """Return whether a pose is of none of other people, and its mask shares at most this with each
     of theirs, over the smaller of both.
     """
-    return not poses_of_same(pose, people) and all(
+    return not poses_of_same_person(pose, people) and all(
         mask_overlap(pose, other.pose) <= most_shared for other in people
     )
 
 
-def _without_others(things: Found, box_score: float) -> tuple[Detections, list[str]]:
+def _without_things(things: BoxesByClass, box_score: float) -> tuple[Detections, list[str]]:
     """Return the boxes of people that no better box of an animal or a board covers, and the names
     at the others.
 
@@ -302,7 +302,9 @@ def _add_hidden_people(
     for box, score, own in posed:
         if any(person.box is not None and np.array_equal(person.box, box) for person in kept):
             continue
-        if _repeats_turned_person(DetectedPose(own, score, box), kept) or _is_part(box, own, kept):
+        if _repeats_turned_person(DetectedPose(own, score, box), kept) or _is_part_of_person(
+            box, own, kept
+        ):
             unposed.append(unposed_person(box, score, FOUND_TWICE))
             continue
         if len(grey) != len(kept):
@@ -311,7 +313,7 @@ def _add_hidden_people(
         least = LEAST_FIT if score >= box_score else MIN_WEAK_FIT
         for pose in _poses_of_hidden_person(landmarker, picture, box, least):
             fit = float(score * pose.score * np.sqrt(box_fit(pose, box)))
-            person = DetectedPose(without_covered(pose, grey), fit, box)
+            person = DetectedPose(without_covered_joints(pose, grey), fit, box)
             if _is_new(pose, kept, MAX_SHARED_MASK):
                 kept.append(person)
                 break
@@ -321,11 +323,11 @@ def _add_hidden_people(
     return unposed
 
 
-def _is_part(box: FloatArray, pose: Pose, people: Sequence[DetectedPose]) -> bool:
+def _is_part_of_person(box: FloatArray, pose: Pose, people: Sequence[DetectedPose]) -> bool:
     """Return whether a box (4,) is around a part of somebody: the pose in it is theirs, and it lies
     in their box. The pose in a box beyond theirs may be of the wrong one of two people.
     """
-    same = poses_of_same(pose, people)
+    same = poses_of_same_person(pose, people)
     return any(share_inside(box, one.extent) >= MIN_PART for one in same)
 
 
@@ -345,10 +347,10 @@ def _poses_of_hidden_person(
     fits the box, the joints do not, and chairs look like one: its pose must be the same in the
     mirror image.
     """
-    whole = predict_scored_pose(landmarker, picture, square_around(box), 0.5)
+    whole = predict_pose_above_score(landmarker, picture, square_around(box), 0.5)
     if whole is not None and box_fit(whole, box) > min_fit:
         yield whole
-    upper = predict_scored_pose(landmarker, picture, square_from_upper_half(box), 0.95)
+    upper = predict_pose_above_score(landmarker, picture, square_from_upper_half(box), 0.95)
     if (
         upper is not None
         and upper.mirror_gap < MAX_MIRROR_GAP
@@ -364,7 +366,7 @@ def _upper_half(landmarker: OnnxSession, picture: ImagePyramid, box: FloatArray)
     """
     if box[3] < CUT_FROM * picture.height:
         return []
-    pose = predict_hopeful_pose(landmarker, picture, square_from_upper_half(box))
+    pose = predict_pose_if_present(landmarker, picture, square_from_upper_half(box))
     return [] if pose is None else [pose]
 
 
@@ -374,8 +376,8 @@ def _is_sure(box: FloatArray, score: float, pose: Pose, box_score: float) -> boo
     fits less.
     """
     fit = box_fit(pose, box)
-    turned = is_turned(pose, fit) and fit >= SURE_FIT
-    return turned or (score >= box_score and is_steady(pose, fit))
+    turned = is_rotated_pose(pose, fit) and fit >= SURE_FIT
+    return turned or (score >= box_score and is_stable_pose(pose, fit))
 
 
 def _search_blazepose(
@@ -400,7 +402,7 @@ def _search_blazepose(
         square = person_square(d.keypoints[0], d.keypoints[1])
         if any(_is_at_hips(square, one.square) for one in known):
             continue
-        pose = predict_hopeful_pose(landmarker, picture, square)
+        pose = predict_pose_if_present(landmarker, picture, square)
         if pose is not None:
             found.append((pose, d.score))
     return found
@@ -437,7 +439,9 @@ def _best_poses(
 def pose_in_box(landmarker: OnnxSession, picture: ImagePyramid, box: FloatArray) -> Pose:
     """Return the pose of the person in a box (4,), who need not be upright."""
     pose = predict_pose(landmarker, picture, square_around(box))
-    return look_turned(landmarker, picture, box, pose, lambda one: box_fit(one, box))
+    return best_pose_of_turned_squares(
+        landmarker, picture, box, pose, lambda one: box_fit(one, box)
+    )
 
 
 def box_fit(pose: Pose, box: FloatArray) -> float:
@@ -488,7 +492,7 @@ def is_person(pose: Pose, detected: float, sure: float) -> bool:
     return pose.score > 0.95 and steady and pose.torso_length > 0.15 * pose.square.side
 
 
-def poses_of_same(pose: Pose, people: Sequence[DetectedPose]) -> list[DetectedPose]:
+def poses_of_same_person(pose: Pose, people: Sequence[DetectedPose]) -> list[DetectedPose]:
     """Return those of other people whose pose is of the same person."""
     poses = [pose, *(person.pose for person in people)]
     similar = keypoint_similarity(

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
-from physic_embedded.networks.pose import predict_scored_pose
-from physic_embedded.segmentation.hidden_hips import HEAD, MIDDLES, squeezes
-from physic_embedded.segmentation.hidden_people import grey_out, without_covered
+from physic_embedded.networks.pose import predict_pose_above_score
+from physic_embedded.segmentation.hidden_hips import HEAD, MIDDLES, squeeze_factors
+from physic_embedded.segmentation.hidden_people import grey_out, without_covered_joints
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,24 +50,24 @@ def with_upper_bodies(
     what the network finds in the square that fits the face, with the other people in grey.
     """
     return [
-        _whole_body(landmarker, image, pose, [*poses[:i], *poses[i + 1 :]])
+        _refined_pose(landmarker, image, pose, [*poses[:i], *poses[i + 1 :]])
         for i, pose in enumerate(poses)
     ]
 
 
-def _whole_body(
+def _refined_pose(
     landmarker: OnnxSession, image: UInt8Array, pose: Pose, others: Sequence[Pose]
 ) -> Pose:
     """Return the pose of one person, looked for again while it is squeezed and gets better."""
-    if _squeeze(pose) < 1:
+    if _squeeze_factor(pose) < 1:
         return pose
     picture = ImagePyramid.from_image(grey_out(image, others))
     for _ in range(_LOOKS):
-        again = predict_scored_pose(landmarker, picture, _square_from_face(pose), _LEAST_SCORE)
+        again = predict_pose_above_score(landmarker, picture, _square_from_face(pose), _LEAST_SCORE)
         if again is None or not _is_better(again, pose):
             break
-        pose = without_covered(again, others)
-        if _squeeze(pose) < 1:
+        pose = without_covered_joints(again, others)
+        if _squeeze_factor(pose) < 1:
             break
     return pose
 
@@ -78,7 +78,7 @@ def _is_better(again: Pose, pose: Pose) -> bool:
     return bool(
         apart < _SAME_HEAD * _face_length(pose)
         and again.mirror_gap < _LARGEST_MIRROR_GAP
-        and _squeeze(again) < _LESS_SQUEEZED * _squeeze(pose)
+        and _squeeze_factor(again) < _LESS_SQUEEZED * _squeeze_factor(pose)
     )
 
 
@@ -89,8 +89,8 @@ def _square_from_face(pose: Pose) -> RotatedSquare:
     return RotatedSquare(hips, 2.5 * _RADIUS * trunk, 0.0)
 
 
-def _squeeze(pose: Pose) -> float:
-    return float(squeezes(pose.points[None])[0])
+def _squeeze_factor(pose: Pose) -> float:
+    return float(squeeze_factors(pose.points[None])[0])
 
 
 def _face_length(pose: Pose) -> float:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_embedded.single_view.upright import NO_PLANES, axes_cost, frame_cost, walls_cost
+from physic_embedded.single_view.vertical_costs import NO_PLANES, axes_cost, frame_cost, walls_cost
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
@@ -73,9 +73,9 @@ def disparity_at_infinity(
         pitch: how far the camera looks down by upright edges and its standard deviation, degrees.
         focal_sigma: standard deviation of the logarithm of the focal length; 0 if it is known.
         walls: (M, 3) local planes of walls, see
-            :func:`~physic_embedded.single_view.upright.local_disparity_planes`.
+            :func:`~physic_embedded.single_view.vertical_costs.local_disparity_planes`.
         bodies: (N, 3) planes of standing people, see
-            :func:`~physic_embedded.single_view.upright.body_planes`.
+            :func:`~physic_embedded.single_view.vertical_costs.body_planes`.
         frame: directions of a room and their trust, see
             :func:`~physic_embedded.single_view.focal.manhattan_frame`, or None.
         surfaces: (M, 3) local planes of everything, like ``walls``; looked at with ``frame``.
@@ -85,7 +85,7 @@ def disparity_at_infinity(
     focal = focal_px / max(disparity.shape)
     low, farthest, high = map(float, np.percentile(disparity, [1, 0.5, 99]))
     span = max(high - low, 1e-6)
-    outdoors = _outdoors(farthest / span, floor, open_air)
+    outdoors = _outdoor_probability(farthest / span, floor, open_air)
     gaps = np.geomspace(*_CANDIDATES)
     candidates = farthest - gaps * span
     level: FloatArray = np.zeros(len(gaps))
@@ -113,7 +113,7 @@ def _spread(values: FloatArray, mean: float, weight: FloatArray) -> float:
     return float(np.sqrt(np.average((values - mean) ** 2, weights=weight)))
 
 
-def _outdoors(farthest: float, floor: DisparityFloor | None, open_air: float) -> float:
+def _outdoor_probability(farthest: float, floor: DisparityFloor | None, open_air: float) -> float:
     """Return the probability of outdoors by the disparity of the farthest pixels in ranges of the
     map, the share of the floor, and the labels, -1 to 1.
 

@@ -78,7 +78,7 @@ def _cross(a: Float64Array, b: Float64Array) -> Float64Array:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def _misses(
+def _line_residuals(
     lines: _Segments, axes: Float64Array, focal: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
     """Return the sine of the angle from each segment to each vanishing point, and the distance to
@@ -95,20 +95,22 @@ def _misses(
     return _cross(way, lines.direction) / distance, distance
 
 
-def _ratios(lines: _Segments, axes: Float64Array, focal: Float64Array) -> Float64Array:
+def _axis_odds(lines: _Segments, axes: Float64Array, focal: Float64Array) -> Float64Array:
     """Return the weighted odds (..., K, M) that a segment runs along an axis rather than
     anywhere.
     """
-    sines, _ = _misses(lines, axes, focal)
+    sines, _ = _line_residuals(lines, axes, focal)
     density = np.exp(-((sines / lines.sigma) ** 2) / 2) / (np.sqrt(2 * np.pi) * lines.sigma)
     return np.asarray((1 - _OUTLIERS) / 3 * np.pi * density)
 
 
-def _nats(lines: _Segments, axes: Float64Array, focal: Float64Array) -> Float64Array:
+def _frame_log_likelihood(
+    lines: _Segments, axes: Float64Array, focal: Float64Array
+) -> Float64Array:
     """Return the log likelihood ratio (...,) of frames (..., 3, 3) against segments of any
     direction.
     """
-    return np.asarray(np.log(_OUTLIERS + _ratios(lines, axes, focal).sum(-2)) @ lines.weight)
+    return np.asarray(np.log(_OUTLIERS + _axis_odds(lines, axes, focal).sum(-2)) @ lines.weight)
 
 
 def _vanishing_points(lines: _Segments, focal: float) -> Float64Array:
@@ -119,7 +121,7 @@ def _vanishing_points(lines: _Segments, focal: float) -> Float64Array:
     x = np.sin(off) * np.cos(turn)
     y = np.sin(off) * np.sin(turn)
     directions = np.stack([x, y, np.cos(off)], -1).reshape(-1, 3)
-    odds = _ratios(lines, directions, np.asarray(focal))
+    odds = _axis_odds(lines, directions, np.asarray(focal))
     points = []
     explained = np.ones(odds.shape[1])
     for _ in range(_VANISHING_POINTS):
@@ -129,7 +131,7 @@ def _vanishing_points(lines: _Segments, focal: float) -> Float64Array:
     return np.array(points)
 
 
-def _frames(lines: _Segments, focal: float, focals: Float64Array) -> Float64Array:
+def _candidate_frames(lines: _Segments, focal: float, focals: Float64Array) -> Float64Array:
     """Return the best frames (F, S, 3, 3) of each focal length that have a vanishing point as an
     axis.
 
@@ -153,13 +155,16 @@ def _frames(lines: _Segments, focal: float, focals: Float64Array) -> Float64Arra
     first = np.broadcast_to(first[..., None, :], turned.shape)
     axes = np.stack([first, turned, np.cross(first, turned)], -2).reshape(len(focals), -1, 3, 3)
     nats = np.array(
-        [_nats(lines, a, np.full(len(a), f)) for a, f in zip(axes, focals, strict=True)]
+        [
+            _frame_log_likelihood(lines, a, np.full(len(a), f))
+            for a, f in zip(axes, focals, strict=True)
+        ]
     )
     best = np.argsort(nats, axis=1)[:, -_STARTS:]
     return np.take_along_axis(axes, best[..., None, None], 1)
 
 
-def _refined(lines: _Segments, axes: Float64Array, focal: Float64Array) -> Float64Array:
+def _refine_frames(lines: _Segments, axes: Float64Array, focal: Float64Array) -> Float64Array:
     """Turn frames (..., 3, 3) to the maximum of their likelihood, by Gauss and Newton with the odds
     as weights.
     """
@@ -171,8 +176,8 @@ def _refined(lines: _Segments, axes: Float64Array, focal: Float64Array) -> Float
     plane[..., 1] = lines.direction[:, 0]
     plane[..., 2] = _cross(lines.middle, lines.direction) / focal[..., None]
     for _ in range(_REFINEMENTS):
-        sines, distance = _misses(lines, axes, focal)
-        odds = _ratios(lines, axes, focal)
+        sines, distance = _line_residuals(lines, axes, focal)
+        odds = _axis_odds(lines, axes, focal)
         weight = odds / (_OUTLIERS + odds.sum(-2, keepdims=True)) * lines.weight / lines.sigma**2
         slope = (
             np.cross(plane[..., None, :, :], axes[..., None, :])
@@ -187,9 +192,9 @@ def _refined(lines: _Segments, axes: Float64Array, focal: Float64Array) -> Float
     return axes
 
 
-def _beyond_chance(lines: _Segments, axes: Float64Array, focal: Float64Array) -> float:
+def _explained_beyond_chance(lines: _Segments, axes: Float64Array, focal: Float64Array) -> float:
     """Return how far the lines that a frame (3, 3) explains exceed chance, at most 1."""
-    odds = _ratios(lines, axes, focal).sum(0)
+    odds = _axis_odds(lines, axes, focal).sum(0)
     count = lines.weight.sum()
     share = float(odds / (_OUTLIERS + odds) @ lines.weight / count)
     return 1 - _BY_CHANCE**2 / float(share**2 * count)
@@ -214,11 +219,11 @@ def manhattan_frame(
         return None
     lines = _normalised(segments, width, height)
     focal = np.array([focal_px / max(width, height)])
-    starts = _frames(lines, float(focal[0]), focal)[0]
+    starts = _candidate_frames(lines, float(focal[0]), focal)[0]
     focals = np.broadcast_to(focal, len(starts))
-    axes = _refined(lines, starts, focals)
-    best = int(_nats(lines, axes, focals).argmax())
-    trust = _beyond_chance(lines, axes[best], focal[0])
+    axes = _refine_frames(lines, starts, focals)
+    best = int(_frame_log_likelihood(lines, axes, focals).argmax())
+    trust = _explained_beyond_chance(lines, axes[best], focal[0])
     return (axes[best], trust) if trust > 0 else None
 
 
@@ -249,13 +254,13 @@ def focal_of_segments(
         return None
     lines = _normalised(segments, width, height)
     default = default_px / max(width, height)
-    starts = _frames(lines, default, _GRID)
+    starts = _candidate_frames(lines, default, _GRID)
     focals = np.broadcast_to(_GRID[:, None], starts.shape[:2])
-    axes = _refined(lines, starts, focals)
-    nats = _nats(lines, axes, focals)
+    axes = _refine_frames(lines, starts, focals)
+    nats = _frame_log_likelihood(lines, axes, focals)
 
     best = np.unravel_index(nats.argmax(), nats.shape)
-    beyond_chance = _beyond_chance(lines, axes[best], focals[best])
+    beyond_chance = _explained_beyond_chance(lines, axes[best], focals[best])
     if beyond_chance <= 0:
         return None
     logs = np.linspace(np.log(_GRID[0]), np.log(_GRID[-1]), 10 * len(_GRID))

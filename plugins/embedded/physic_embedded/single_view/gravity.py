@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 NUMBERS = Path(__file__).with_suffix(".npz")
 """Fitted numbers: "angles" (2, 9 C + 1), of pitch and roll in degrees: weights of the tokens of
-:func:`means_of_parts`, and a constant.
+:func:`mean_tokens_3x3`, and a constant.
 """
 
 PICTURE_SIDE_PX = 252
@@ -64,7 +64,7 @@ class UpInPhoto(NamedTuple):
         return float(np.degrees(np.arcsin(-self.up[2]))), self.sigma
 
 
-def up_of_edges(
+def up_from_edges(
     frame: tuple[FloatArray, float] | None, open_air: float, look: UpInPhoto
 ) -> UpInPhoto | None:
     """Return up by the directions of a room, that which is nearest to the look of the picture; None
@@ -77,7 +77,7 @@ def up_of_edges(
         frame: directions and their trust, see
             :func:`~physic_embedded.single_view.focal.manhattan_frame`.
         open_air: -1 to 1, whether the labels of surfaces are of rooms or of outdoors.
-        look: of :func:`up_of_tokens`.
+        look: of :func:`up_from_tokens`.
     """
     if frame is None or frame[1] < _TRUSTS[0]:
         return None
@@ -97,20 +97,20 @@ def up_of_edges(
     return UpInPhoto(axes[best] * np.sign(along[best]), float(sigma), "edges in three directions")
 
 
-def up_of_tokens(tokens: PatchTokens, numbers: Mapping[str, FloatArray]) -> UpInPhoto:
+def up_from_tokens(tokens: PatchTokens, numbers: Mapping[str, FloatArray]) -> UpInPhoto:
     """Return up by the tokens of a picture and the arrays of :data:`NUMBERS`.
 
     The answer is drawn to a level camera, as that of every regression. It says nothing of the lens.
     """
     weights = numbers["angles"]
-    pitch, roll = np.radians(weights[:, :-1] @ means_of_parts(tokens) + weights[:, -1])
+    pitch, roll = np.radians(weights[:, :-1] @ mean_tokens_3x3(tokens) + weights[:, -1])
     up = [np.cos(pitch) * np.sin(roll), -np.cos(pitch) * np.cos(roll), -np.sin(pitch)]
     tilt = np.degrees(np.arccos(np.clip(-up[1], -1, 1)))
     sigma = float(np.hypot(_SIGMA_OF_LOOK_DEG, _SIGMA_BY_TILT * tilt))
     return UpInPhoto(np.array(up), sigma, "look of the picture")
 
 
-def means_of_parts(tokens: PatchTokens) -> FloatArray:
+def mean_tokens_3x3(tokens: PatchTokens) -> FloatArray:
     """Return the mean tokens (9 C,) of three by three parts of a picture, row by row."""
     shown = tokens.shown
     for axis in (0, 1):

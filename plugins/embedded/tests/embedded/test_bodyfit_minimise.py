@@ -11,9 +11,7 @@ from torch import Tensor
 from physic_core.body import load_body
 from physic_core.types import Intrinsics, skeleton_named
 from physic_embedded.body_fit.derivatives import derivatives, loss_and_gradient
-from physic_embedded.body_fit.minimise import approach_minimum, covariance, minimise
-from physic_embedded.body_fit.observations import BodyObservations
-from physic_embedded.body_fit.problem import (
+from physic_embedded.body_fit.fit_problem import (
     FloorConstraint,
     InitialPose,
     LegsByPosture,
@@ -22,6 +20,8 @@ from physic_embedded.body_fit.problem import (
     fit_problem,
     with_outlines,
 )
+from physic_embedded.body_fit.minimise import approach_minimum, covariance, minimise
+from physic_embedded.body_fit.observations import BodyObservations
 
 
 def valley_loss(x, a):

@@ -8,7 +8,7 @@ import pytest
 
 from physic_core.types import Intrinsics, Keypoints, People, skeleton_named
 from physic_embedded.networks.crops import ImagePyramid
-from physic_embedded.networks.face_mesh import KEYPOINTS, face_square, look_of_face
+from physic_embedded.networks.face_mesh import KEYPOINTS, face_square, predict_face_direction
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.person_observer import EmbeddedPersonObserver
 
@@ -44,24 +44,24 @@ def mirrored(at, width):
 
 def test_two_people_look_at_each_other(couple, network):
     picture = ImagePyramid.from_image(couple)
-    middle, forward = look_of_face(network, picture, face_square(LEFT_PERSON))
+    middle, forward = predict_face_direction(network, picture, face_square(LEFT_PERSON))
     assert np.linalg.norm(middle - LEFT_PERSON["nose"]) < 30
     assert forward[0] > 0.5
-    assert look_of_face(network, picture, face_square(RIGHT_PERSON))[1][0] < -0.5
+    assert predict_face_direction(network, picture, face_square(RIGHT_PERSON))[1][0] < -0.5
 
 
 def test_a_mirrored_face_looks_to_the_other_side(couple, network):
     picture, other = (ImagePyramid.from_image(image) for image in (couple, couple[:, ::-1].copy()))
     at = mirrored(RIGHT_PERSON, couple.shape[1])
-    _, forward = look_of_face(network, picture, face_square(RIGHT_PERSON))
-    _, back = look_of_face(network, other, face_square(at))
+    _, forward = predict_face_direction(network, picture, face_square(RIGHT_PERSON))
+    _, back = predict_face_direction(network, other, face_square(at))
     assert np.degrees(np.arccos(forward @ (back * [-1, 1, 1]))) < 10
 
 
 def test_what_is_no_face_has_no_direction(couple, network):
     elsewhere = {name: point + np.array([500, 0]) for name, point in RIGHT_PERSON.items()}
     picture = ImagePyramid.from_image(couple)
-    assert look_of_face(network, picture, face_square(elsewhere)) is None
+    assert predict_face_direction(network, picture, face_square(elsewhere)) is None
 
 
 def test_the_observer_turns_the_direction_to_the_ray_of_the_face(couple):

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_embedded.single_view.focal import focal_of_segments, manhattan_frame
-from physic_embedded.single_view.gravity import UpInPhoto, up_of_edges
+from physic_embedded.single_view.gravity import UpInPhoto, up_from_edges
 
 WIDTH = 800
 HEIGHT = 600
@@ -114,11 +114,11 @@ def test_up_is_the_vertical_of_a_room_and_less_sure_outdoors(open_air, most):
     frame = frame_of(segments)
     wanted = ROOM[:, 1]
     look = UpInPhoto(-wanted * np.sign(wanted[1]), 8.0, "look")
-    found = up_of_edges(frame, open_air, look)
+    found = up_from_edges(frame, open_air, look)
     assert np.degrees(np.arccos(abs(found.up @ wanted))) < 1.5
     assert found.up[1] < 0 < found.sigma < most
     assert found.sigma > most / 3
-    other = up_of_edges(
+    other = up_from_edges(
         frame_of(mirrored(segments)), open_air, look._replace(up=look.up * [-1, 1, 1])
     )
     assert other.up * [-1, 1, 1] == pytest.approx(found.up, abs=1e-6)

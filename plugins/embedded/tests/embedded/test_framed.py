@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from physic_core.types import SKELETONS, SURFACE_NAMES, Keypoints, People, SurfaceLabels
-from physic_embedded.segmentation.framed import question_people
+from physic_embedded.segmentation.people_in_pictures import halve_unlikely_people
 
 MASKS = np.zeros((2, 100, 200), bool)
 MASKS[0, 30:70, 20:40] = True
@@ -48,7 +48,7 @@ def test_a_person_around_whom_a_frame_is_may_be_a_picture(frame, asked):
     top, bottom, left, right = frame
     framed = np.zeros(MASKS.shape[1:], bool)
     framed[top:bottom, left:right] = True
-    assert is_questioned(question_people(people_on("floor", 0.9), framed)) == asked
+    assert is_questioned(halve_unlikely_people(people_on("floor", 0.9), framed)) == asked
 
 
 @pytest.mark.parametrize(
@@ -57,4 +57,4 @@ def test_a_person_around_whom_a_frame_is_may_be_a_picture(frame, asked):
 )
 def test_a_person_whose_feet_stand_on_a_table_may_be_a_figurine(ankle, under, asked):
     nothing = np.zeros(MASKS.shape[1:], bool)
-    assert is_questioned(question_people(people_on(under, ankle), nothing)) == asked
+    assert is_questioned(halve_unlikely_people(people_on(under, ankle), nothing)) == asked

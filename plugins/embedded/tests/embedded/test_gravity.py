@@ -15,7 +15,7 @@ from physic_embedded.single_view.gravity import (
     PICTURE_PATCHES,
     PICTURE_SIDE_PX,
     fitted_numbers,
-    up_of_tokens,
+    up_from_tokens,
 )
 from physic_networks.pictures import Letterbox
 
@@ -39,23 +39,23 @@ def seen(picture):
 
 
 def pitch_of(picture):
-    return up_of_tokens(seen(picture), fitted_numbers()).pitch[0]
+    return up_from_tokens(seen(picture), fitted_numbers()).pitch[0]
 
 
 def test_up_is_turned_by_pitch_and_roll():
     numbers = {"angles": np.array([[0.0] * 9 + [30.0], [0.0] * 9 + [10.0]])}
-    found = up_of_tokens(tokens_of(np.ones((6, 6, 1))), numbers)
+    found = up_from_tokens(tokens_of(np.ones((6, 6, 1))), numbers)
     assert found.pitch[0] == pytest.approx(30)
     assert np.degrees(np.arctan2(found.up[0], -found.up[1])) == pytest.approx(10)
     assert np.linalg.norm(found.up) == pytest.approx(1)
     numbers = {"angles": np.zeros((2, 10))}
-    assert up_of_tokens(tokens_of(np.ones((6, 6, 1))), numbers).sigma < 8 < 15 < found.sigma
+    assert up_from_tokens(tokens_of(np.ones((6, 6, 1))), numbers).sigma < 8 < 15 < found.sigma
 
 
 def test_mirrored_tokens_have_the_mirrored_up():
     grid = np.random.default_rng(0).normal(size=(18, 24, 384))
     first, second = (
-        up_of_tokens(tokens_of(one), fitted_numbers()).up for one in (grid, grid[:, ::-1])
+        up_from_tokens(tokens_of(one), fitted_numbers()).up for one in (grid, grid[:, ::-1])
     )
     np.testing.assert_allclose(first * [-1, 1, 1], second, atol=1e-4)
 

@@ -7,7 +7,7 @@ import pytest
 
 from physic_core.types import Keypoints
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
-from physic_embedded.segmentation.hidden_hips import doubt_hidden_hips
+from physic_embedded.segmentation.hidden_hips import lower_confidence_of_hidden_hips
 
 HEIGHT = 400
 WIDTH = 600
@@ -38,7 +38,7 @@ def test_only_hips_at_the_end_of_what_is_seen_are_doubted(legs, below_px, doubte
     seen.confidence[0, 25:29] = legs
     masks = mask(120)
     masks[0, 180 + below_px :] = False
-    hips = doubt_hidden_hips(seen, masks).confidence[0, 23:25]
+    hips = lower_confidence_of_hidden_hips(seen, masks).confidence[0, 23:25]
     assert (hips < 0.5).tolist() == [doubted, doubted]
 
 
@@ -46,6 +46,6 @@ def test_only_hips_at_the_end_of_what_is_seen_are_doubted(legs, below_px, doubte
 def test_legs_below_a_trunk_that_is_too_short_for_the_face_are_doubted(face_px, doubted):
     seen = person(head_y=90)
     seen.points[0, [2, 5], 1] = 90 - face_px
-    confidence = doubt_hidden_hips(seen, mask(120)).confidence[0]
+    confidence = lower_confidence_of_hidden_hips(seen, mask(120)).confidence[0]
     assert (confidence[23:] < 0.3).all() == doubted
     assert (confidence[:23] == 1).all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_embedded.body_fit.lifter import HIPS, LimbView, lift
+from physic_embedded.body_fit.lifter import HIPS, LimbView, predict_joints
 from physic_embedded.body_fit.limb_keypoints import LIMBS
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
@@ -32,7 +32,9 @@ def seen(joints):
 def told(joints, points, up=(0.0, -1.0, 0.0), depth=DEPTH):
     count = len(joints)
     sure = np.full((count, len(LIMBS)), 0.95)
-    return lift(LimbView(joints, points, sure, np.tile(up, (count, 1)), np.full(count, depth)))
+    return predict_joints(
+        LimbView(joints, points, sure, np.tile(up, (count, 1)), np.full(count, depth))
+    )
 
 
 def leaning(degrees):

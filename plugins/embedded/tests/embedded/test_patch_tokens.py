@@ -30,9 +30,13 @@ def grid():
     ],
 )
 def test_a_box_takes_every_patch_that_it_touches(grid, box, expected):
-    [mean] = grid.within(np.array([box], float))
+    [mean] = grid.mean_in_boxes(np.array([box], float))
     np.testing.assert_allclose(mean, expected)
 
 
 def test_nobody_has_no_tokens(grid):
-    assert grid.around(np.zeros((0, 2))).shape == grid.within(np.zeros((0, 4))).shape == (0, 2)
+    assert (
+        grid.mean_around(np.zeros((0, 2))).shape
+        == grid.mean_in_boxes(np.zeros((0, 4))).shape
+        == (0, 2)
+    )

@@ -12,9 +12,9 @@ from physic_core.types.observations import PROBABILITIES
 from physic_embedded.networks.patch_tokens import PatchTokens
 from physic_embedded.person_observer import (
     EmbeddedPersonObserver,
+    features_of_questions,
     fitted_numbers,
-    observed,
-    tokens_of_questions,
+    observations_from_features,
 )
 from physic_networks.pictures import Letterbox
 
@@ -48,7 +48,7 @@ BOX = np.array([[0, 0, 120, 80]])
 
 
 def test_a_limb_is_read_where_its_keypoints_are(grid):
-    found = tokens_of_questions(grid, BOX, keypoints_at(foot("right", (65, 45))))
+    found = features_of_questions(grid, BOX, keypoints_at(foot("right", (65, 45))))
     np.testing.assert_allclose(found["foot"][0, 1], (4, 6))
     np.testing.assert_allclose(found["posture"][0, 0, :2], (3.5, 5.5))
     assert np.isnan(found["foot"][0, 0]).all()
@@ -57,7 +57,7 @@ def test_a_limb_is_read_where_its_keypoints_are(grid):
 
 def test_a_hand_is_read_where_its_fingers_are_too(grid):
     hand = dict.fromkeys(("left_wrist", "left_pinky1", "left_index1"), (45, 45))
-    found = tokens_of_questions(grid, BOX, keypoints_at({"left_elbow": (20, 45)} | hand))["hand"]
+    found = features_of_questions(grid, BOX, keypoints_at({"left_elbow": (20, 45)} | hand))["hand"]
     np.testing.assert_allclose(found[0, 0, :4], (4, 4, 4, 5))
 
 
@@ -68,13 +68,13 @@ def test_a_hand_is_read_where_its_fingers_are_too(grid):
 def test_a_limb_is_read_in_the_picture_of_a_person_that_the_detector_found(
     grid, place, confidence, read
 ):
-    found = tokens_of_questions(grid, BOX, keypoints_at(foot("left", place), confidence))["foot"]
+    found = features_of_questions(grid, BOX, keypoints_at(foot("left", place), confidence))["foot"]
     assert np.isfinite(found[0, 0]).all() == read
 
 
 def test_a_detector_without_hands_says_nothing_of_hands(grid):
     coco = Keypoints(np.full((1, 17, 2), 40, np.float32), np.ones((1, 17), np.float32), "coco17")
-    found = tokens_of_questions(grid, BOX, coco)
+    found = features_of_questions(grid, BOX, coco)
     assert np.isfinite(found["foot"]).all()
     assert np.isfinite(found["seat"]).all()
 
@@ -90,7 +90,8 @@ def test_sides_and_people_change_places_with_their_keypoints():
     other = keypoints_at(foot("left", (75, 70)) | foot("right", (15, 70)))
     box = np.array([[0, 0, 90, 80]])
     first, second = (
-        observed(tokens_of_questions(tokens, box, k), fitted_numbers()) for k in (one, other)
+        observations_from_features(features_of_questions(tokens, box, k), fitted_numbers())
+        for k in (one, other)
     )
     np.testing.assert_array_equal(first.touch[0, :2], second.touch[0, 1::-1])
     assert np.isnan(first.touch[0, 2:]).all()
@@ -101,7 +102,9 @@ def test_nobody_is_observed_without_an_error(grid):
     nobody = Keypoints(nobody.points[:0], nobody.confidence[:0], "blazepose33")
     channels = fitted_numbers()["foot"].shape[1] - 2
     tokens = PatchTokens(np.zeros((8, 12, channels)), grid.patch, grid.photo)
-    found = observed(tokens_of_questions(tokens, np.zeros((0, 4)), nobody), fitted_numbers())
+    found = observations_from_features(
+        features_of_questions(tokens, np.zeros((0, 4)), nobody), fitted_numbers()
+    )
     assert (found.posture.shape, found.touch.shape, found.child.shape) == ((0, 9), (0, 10, 5), (0,))
 
 

@@ -20,7 +20,7 @@ from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
-from physic_embedded.single_view.upright import local_disparity_planes
+from physic_embedded.single_view.vertical_costs import local_disparity_planes
 
 
 def test_a_grazing_floor_has_no_flying_pixels_and_a_depth_edge_has():

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from physic_core.types import AffineAmbiguity, BoolArray, FloatArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.readings import Table
+    from physic_testing.conformance.known_mistakes import Table
 
 SKY_BORDER_PX = 3
 """Distance from the sky up to which depths are not compared."""

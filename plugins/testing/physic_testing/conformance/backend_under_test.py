@@ -26,8 +26,8 @@ from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF, FIRST_PHOTO,
 from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.network_and_memory import no_network
+from physic_testing.conformance.process_watch import Watch
 from physic_testing.conformance.requests import build_request
-from physic_testing.conformance.watch import Watch
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -90,10 +90,10 @@ class BackendUnderTest:
         device: device on which the backend is loaded.
         size: width and height of the standard photos, px.
         declared: the capabilities.
-        table: :class:`physic_testing.conformance.readings.Table` of the interface; None before the
-            checks start, and for one without truth.
+        table: of :mod:`physic_testing.conformance.known_mistakes` of the interface; None before
+            the checks start, and for one without truth.
         case_runs: photo name -> stored call, for all photos on which the backend was called.
-        values: kept by :func:`physic_testing.conformance.readings.values_of`.
+        values: kept by :func:`physic_testing.conformance.known_mistakes.values_of`.
 
     Raises:
         BackendError: a capability is not in CAPABILITIES.

@@ -15,8 +15,7 @@ from physic_core.types import mirrored_order
 from physic_testing.conformance.changes import WITHOUT_HINTS
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import expect
-from physic_testing.conformance.output_checks import ROWS, WITHOUT_PEOPLE
-from physic_testing.conformance.readings import (
+from physic_testing.conformance.known_mistakes import (
     Group,
     Reading,
     Table,
@@ -26,6 +25,7 @@ from physic_testing.conformance.readings import (
     reordered,
     times,
 )
+from physic_testing.conformance.output_checks import ROWS, WITHOUT_PEOPLE
 from physic_testing.conformance.truth import (
     embedded_body,
     embedded_parameters,

@@ -13,8 +13,8 @@ import numpy as np
 from physic_core.errors import BodyModelError
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, expect
+from physic_testing.conformance.known_mistakes import Group, Reading, Table, flipped, normalised
 from physic_testing.conformance.output_checks import ROWS, WITHOUT_PEOPLE
-from physic_testing.conformance.readings import Group, Reading, Table, flipped, normalised
 from physic_testing.conformance.truth import contact_on_embedded, embedded_body
 from physic_testing.metrics import contact_scores
 

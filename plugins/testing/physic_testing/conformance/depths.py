@@ -13,8 +13,7 @@ from physic_testing.conformance.accuracy import fit_ambiguity, inner_pixels
 from physic_testing.conformance.changes import WITHOUT_HINTS, Change, without
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import expect, warn_unless
-from physic_testing.conformance.output_checks import COLOURS
-from physic_testing.conformance.readings import (
+from physic_testing.conformance.known_mistakes import (
     Group,
     Reading,
     Table,
@@ -25,6 +24,7 @@ from physic_testing.conformance.readings import (
     times,
     values_of,
 )
+from physic_testing.conformance.output_checks import COLOURS
 from physic_testing.conformance.requests import mirrored
 from physic_testing.worlds.world import pixel_rays
 

@@ -14,8 +14,15 @@ from physic_testing.conformance.body_estimator import (
     as_matrices,
     shortest,
 )
+from physic_testing.conformance.known_mistakes import (
+    Group,
+    Reading,
+    Table,
+    flipped,
+    in_order,
+    times,
+)
 from physic_testing.conformance.output_checks import ROWS, WITHOUT_PEOPLE
-from physic_testing.conformance.readings import Group, Reading, Table, flipped, in_order, times
 from physic_testing.conformance.truth import (
     WRISTS,
     rotation_errors_deg,

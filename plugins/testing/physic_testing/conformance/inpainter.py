@@ -12,7 +12,7 @@ import numpy as np
 from physic_testing.conformance.changes import Change
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import expect
-from physic_testing.conformance.readings import Group, Reading, Table, flipped, shifted, times
+from physic_testing.conformance.known_mistakes import Group, Reading, Table, flipped, shifted, times
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, UInt8Array

@@ -14,8 +14,7 @@ from physic_core.types import SIDES, SKELETONS, Skeleton, mirrored_order
 from physic_testing.conformance.cases import Truth, Values
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import expect
-from physic_testing.conformance.output_checks import COLOURS, ROWS, WITHOUT_PEOPLE
-from physic_testing.conformance.readings import (
+from physic_testing.conformance.known_mistakes import (
     Group,
     Reading,
     Table,
@@ -24,6 +23,7 @@ from physic_testing.conformance.readings import (
     plus,
     times,
 )
+from physic_testing.conformance.output_checks import COLOURS, ROWS, WITHOUT_PEOPLE
 from physic_testing.conformance.truth import comparable_keypoints
 
 if TYPE_CHECKING:

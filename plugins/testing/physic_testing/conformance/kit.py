@@ -12,13 +12,13 @@ from physic_core.interfaces import INTERFACES, Backend
 from physic_testing.conformance import (
     class_checks,
     lifecycle,
-    manners,
     output_checks,
+    side_effects,
 )
 from physic_testing.conformance.accuracy import check_is_exact
 from physic_testing.conformance.backend_under_test import BackendUnderTest, find_backend
 from physic_testing.conformance.check import BLIND, Check
-from physic_testing.conformance.readings import check_of
+from physic_testing.conformance.known_mistakes import check_of
 from physic_testing.conformance.run import CheckRun
 from physic_testing.conformance.tables import TABLES
 
@@ -41,7 +41,7 @@ def checks_for(interface: str) -> tuple[Check, ...]:
         *output_checks.CHECKS,
         *accuracy_checks(interface),
         *lifecycle.CHECKS_AFTER_INFER,
-        *manners.CHECKS,
+        *side_effects.CHECKS,
     )
 
 

@@ -13,8 +13,7 @@ from physic_core.types import CHOICES, PROBABILITIES, SIDES, TOUCH_PARTS, mirror
 from physic_testing.conformance import truth as worlds
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
-from physic_testing.conformance.output_checks import COLOURS, ROWS, WITHOUT_PEOPLE
-from physic_testing.conformance.readings import (
+from physic_testing.conformance.known_mistakes import (
     MIN_UNITS,
     Group,
     Reading,
@@ -24,6 +23,7 @@ from physic_testing.conformance.readings import (
     times,
     values_of,
 )
+from physic_testing.conformance.output_checks import COLOURS, ROWS, WITHOUT_PEOPLE
 from physic_testing.conformance.requests import mirrored
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ import numpy as np
 from physic_core.backends.people import boxes_from_masks
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import expect
+from physic_testing.conformance.known_mistakes import Group, Reading, Table, flipped, plus, shifted
 from physic_testing.conformance.output_checks import COLOURS, WITHOUT_PEOPLE
-from physic_testing.conformance.readings import Group, Reading, Table, flipped, plus, shifted
 from physic_testing.metrics import mask_iou
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from physic_testing.conformance import (
 )
 
 if TYPE_CHECKING:
-    from physic_testing.conformance.readings import Table
+    from physic_testing.conformance.known_mistakes import Table
 
 TABLES: dict[str, Table] = {
     "segmenter": segmenter.TABLE,

@@ -15,7 +15,7 @@ from physic_mock.backends import (
     MockKeypointDetector,
     MockSegmenter,
 )
-from physic_mock.humans import log_stature_gradient
+from physic_mock.bodies_and_hands import log_stature_gradient
 from physic_testing.worlds import load_world
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.geometry import world_from_camera
 from physic_core.types import main_people, summarize_checks, usable_text
+from physic_visual.assumed_supports import assumed_supports
 from physic_visual.palette import (
     CAMERA_RGB,
     CONTACT_PALETTE,
@@ -24,7 +25,6 @@ from physic_visual.report.surfaces import (
     pack_scene,
     photo_jpeg,
 )
-from physic_visual.supports import assumed_supports
 from physic_visual.textures.dressed import GUESSED
 
 if TYPE_CHECKING:

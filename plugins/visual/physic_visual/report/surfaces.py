@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from physic_visual.palette import contact_strength
-from physic_visual.surface import BACKDROP, is_near, mesh_scene, scene_meshes, scene_reach
+from physic_visual.scene_mesh import BACKDROP, is_near, mesh_scene, scene_meshes, scene_reach
 from physic_visual.textures.dressed import dressed_bodies, dressed_images
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from physic_core.geometry import up_in_camera, vertex_areas, vertex_normals
 from physic_visual.palette import BODY_RGB
 from physic_visual.render import prepare_meshes
 from physic_visual.rig import body_at_hand
-from physic_visual.surface import kept_for_next_picture
+from physic_visual.scene_mesh import kept_for_next_picture
 from physic_visual.textures.photo import SHOWN, photo_colors, photo_weights
 from physic_visual.textures.raster import (
     TextureCoordinates,

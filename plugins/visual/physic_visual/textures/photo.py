@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from physic_visual.surface import kept_for_next_picture
+from physic_visual.scene_mesh import kept_for_next_picture
 from physic_visual.textures.raster import pad_texture
 
 if TYPE_CHECKING:

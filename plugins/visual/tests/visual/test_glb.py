@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from physic_core.geometry.world_frame import transform_points, world_from_camera
 from physic_core.types import Scene
 from physic_visual.glb import combined_glb
-from physic_visual.surface import mesh_scene
+from physic_visual.scene_mesh import mesh_scene
 
 
 def tree_of(content):

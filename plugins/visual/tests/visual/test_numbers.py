@@ -3,8 +3,8 @@
 import numpy as np
 from PIL import Image, ImageDraw
 
-from physic_visual.numbers import draw_numbers
 from physic_visual.palette import person_color
+from physic_visual.person_numbers import draw_numbers
 
 SIZE = (200, 100)
 DISC_PX = 22

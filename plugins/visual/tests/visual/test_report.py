@@ -26,7 +26,7 @@ from physic_core.types import (
 )
 from physic_visual.report.page import failure_html, report_html
 from physic_visual.report.surfaces import pack_scene
-from physic_visual.surface import mesh_scene, scene_reach
+from physic_visual.scene_mesh import mesh_scene, scene_reach
 
 PAGE = files("physic_visual.report") / "page"
 ODD = "a\"b'c</script><script>alert(1)</script><!-- ]]> @DATA@ \u2028 \U0001f3c0 \udce9.jpg"

@@ -13,8 +13,8 @@ from numpy.testing import assert_allclose
 
 from physic_core.geometry.world_frame import up_in_camera
 from physic_core.types.contacts import BodyContact, ContactPartner, Support, SupportState
+from physic_visual.assumed_supports import SLAB_FACES, assumed_supports
 from physic_visual.glb import combined_glb
-from physic_visual.supports import SLAB_FACES, assumed_supports
 
 
 def assumed(result, part, on):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from worker_standin import work
 
-from physic_batch.process import BatchJob, PhotoProcessor
+from physic_batch.photo_processor import BatchJob, PhotoProcessor
 from physic_batch.run import run_batch, run_locally
 from physic_batch.workers import WorkerSettings
 from physic_core.configuration.model import load_config

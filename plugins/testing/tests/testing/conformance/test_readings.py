@@ -9,7 +9,7 @@ from stand_ins import stand_in, subject_of
 from physic_mock import backends as mocks
 from physic_testing.conformance.cases import SIZE as STANDARD_SIZE
 from physic_testing.conformance.expect import CheckFailed
-from physic_testing.conformance.readings import compare, values_of
+from physic_testing.conformance.known_mistakes import compare, values_of
 from physic_testing.conformance.tables import TABLES
 
 pytestmark = pytest.mark.quick

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from physic_convert.cached import cached_correspondence
+from physic_convert.correspondence_cache import cached_correspondence
 from physic_convert.joint_fit import BodyFit, finite_rows, fit_joints, has_torso_joints
 from physic_convert.surface_fit import (
     SURFACE_SIGMA_M,

@@ -12,9 +12,9 @@ from physic_core.errors import NoPersonError
 from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.mobile_sam import predict_masks
 from physic_embedded.networks.pose import predict_pose
-from physic_embedded.segmentation.hidden_people import grey_out, without_covered
+from physic_embedded.segmentation.hidden_people import grey_out, without_covered_joints
 from physic_embedded.segmentation.people import DetectedPose, box_fit, pose_in_box
-from physic_embedded.segmentation.turned import square_around
+from physic_embedded.segmentation.rotated_people import square_around
 from physic_embedded.segmentation.upper_bodies import square_from_upper_half
 
 if TYPE_CHECKING:
@@ -154,7 +154,9 @@ def _poses(detected: DetectedPeople, box: FloatArray, others: Sequence[Pose]) ->
     return [
         pose_in_box(detected.landmarker, clear, box),
         *(
-            without_covered(predict_pose(detected.landmarker, grey, square, passes=1), others)
+            without_covered_joints(
+                predict_pose(detected.landmarker, grey, square, passes=1), others
+            )
             for square in (square_around(box), square_from_upper_half(box))
         ),
     ]

@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.readers import LAYOUTS, READERS
-from physic_bench.reading import DamagedFrameError, picture_file
+from physic_bench.data_files import DamagedFrameError, picture_file
+from physic_bench.predictions import LAYOUTS, READERS
 from physic_bench.scoring import body_box, score_frame
 from physic_core.backends.people import box_iou
 from physic_core.errors import InputError, PhysicError
 
 if TYPE_CHECKING:
-    from physic_batch.process import BatchJob
+    from physic_batch.photo_processor import BatchJob
     from physic_bench.bodies import BodyFiles
-    from physic_bench.contract import Frame, Prediction, Truth
     from physic_bench.datasets.base import FrameSet
+    from physic_bench.types import Frame, Prediction, Truth
 
     Record = dict[str, Any]
 

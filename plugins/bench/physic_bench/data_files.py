@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.contract import Picture, Surface
+from physic_bench.types import Picture, Surface
 from physic_core.errors import InputError, PhysicError
 from physic_core.files import check_regular, parse_json, path_to_write, read_text
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-    from physic_bench.contract import Frame
+    from physic_bench.types import Frame
     from physic_core.types import Float64Array, UInt8Array
 
 

@@ -83,7 +83,7 @@ class BatchJob:
     """Configuration and outputs of a batch, the same for each photo; it can be pickled.
 
     Attributes:
-        config: of the pipeline; see :func:`physic_batch.process.batch_config`.
+        config: of the pipeline; see :func:`physic_batch.photo_processor.batch_config`.
         out: absolute path of the output folder.
         save: which files are written for each photo, one of :data:`physic_core.io.results.SAVE`, or
             "none".

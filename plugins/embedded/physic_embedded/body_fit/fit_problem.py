@@ -329,20 +329,20 @@ class FitProblem:
         """Return the losses (N,) of data and priors, and those (N,) of floor and outlines."""
         body = self.decode(unknowns)
         posed = self.landmarks(body.rotations, body.betas, body.transl)
-        return self.terms_of_points(unknowns, body, self.used(posed))
+        return self.terms_at_points(unknowns, body, self.loss_points(posed))
 
-    def used(self, posed: Mapping[Skeleton | str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
+    def loss_points(self, posed: Mapping[Skeleton | str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
         """Return the points (..., n, 3) that the terms see: keypoints, joints of the body, and
         vertices.
         """
         keypoints = posed[self.skeleton].index_select(-2, self.rows)
         return keypoints, posed["joints"].narrow(-2, 0, NUM_TURNED), posed["vertices"]
 
-    def terms_of_points(
+    def terms_at_points(
         self, unknowns: Tensor, body: DecodedUnknowns, posed: Sequence[Tensor]
     ) -> tuple[Tensor, Tensor]:
         """Return :meth:`terms` of unknowns (N, W) that are decoded, and whose points are those of
-        :meth:`used`.
+        :meth:`loss_points`.
         """
         points, joints, vertices = posed
         data = self._keypoint_loss(points)
@@ -488,8 +488,10 @@ def fit_problem(
         return torch.as_tensor(np.array(array, order="C"), dtype=model.dtype)
 
     skeleton = observations.skeleton
-    used = [name for name in skeleton.names if not any(twin in name for twin in _DUPLICATE_POINTS)]
-    rows = [skeleton.names.index(name) for name in used]
+    loss_points = [
+        name for name in skeleton.names if not any(twin in name for twin in _DUPLICATE_POINTS)
+    ]
+    rows = [skeleton.names.index(name) for name in loss_points]
     mean, sigma = pose_prior(tight=observations.world is None)
     arrays = {
         **{name: array[:, rows] for name, array in _keypoint_arrays(observations).items()},
@@ -503,7 +505,7 @@ def fit_problem(
         landmarks=model.landmarks_only([skeleton], torch.cat(soles)),
         skeleton=skeleton,
         rows=torch.as_tensor(rows),
-        hips=(used.index("left_hip"), used.index("right_hip")),
+        hips=(loss_points.index("left_hip"), loss_points.index("right_hip")),
         turn=tensor(observations.turn),
         world=None if observations.world is None else tensor(observations.world[:, rows]),
         camera=tensor(observations.intrinsics.matrix),
@@ -513,7 +515,7 @@ def fit_problem(
         soles=(len(soles[0]), len(soles[1])),
         outlines=None,
         lifted=None,
-        upper=tensor([not any(part in name for part in _LEGS) for name in used]),
+        upper=tensor([not any(part in name for part in _LEGS) for name in loss_points]),
         stature=stature,
         adult=mean_adult_betas(float(model.stature(torch.zeros_like(stature)[None])), stature),
         **{name: tensor(array) for name, array in arrays.items()},

@@ -12,7 +12,7 @@ import numpy as np
 
 from physic_core.engine.ground.posture import UPRIGHT_DEG
 from physic_embedded.networks.crops import RotatedSquare
-from physic_embedded.networks.pose import predict_hopeful_pose
+from physic_embedded.networks.pose import predict_pose_if_present
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,7 +46,7 @@ def square_around(box: FloatArray, angle: float = 0.0) -> RotatedSquare:
     return RotatedSquare(center, 1.25 * side, angle)
 
 
-def look_turned(
+def best_pose_of_turned_squares(
     landmarker: OnnxSession,
     picture: ImagePyramid,
     box: FloatArray,
@@ -63,10 +63,10 @@ def look_turned(
         pose: found without turning.
         fit: how well a pose fits the person, in [0, 1].
     """
-    if is_steady(pose, fit(pose)) or _is_upright(pose, box):
+    if is_stable_pose(pose, fit(pose)) or _is_upright(pose, box):
         return pose
     turned = [
-        predict_hopeful_pose(landmarker, picture, square_around(box, quarter * np.pi / 2))
+        predict_pose_if_present(landmarker, picture, square_around(box, quarter * np.pi / 2))
         for quarter in (1, 2, 3)
     ]
     return min(
@@ -75,12 +75,12 @@ def look_turned(
     )
 
 
-def is_steady(pose: Pose, fit: float) -> bool:
+def is_stable_pose(pose: Pose, fit: float) -> bool:
     """Return whether a pose is clear, fits the person, and is the same in the mirror image."""
     return pose.score > 0.5 and pose.mirror_gap < SURE_MIRROR_GAP and fit >= SURE_FIT
 
 
-def is_turned(pose: Pose, fit: float) -> bool:
+def is_rotated_pose(pose: Pose, fit: float) -> bool:
     """Return whether a pose was clearly found in a square that is turned by more than 45 degrees:
     other ways to look for people expect them upright.
     """

@@ -9,14 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.contract import TOPOLOGY_OF_COUNT, BenchPerson, Prediction
-from physic_bench.reading import DamagedFrameError, checked_numbers, naming_file_in_errors, read_npz
+from physic_bench.data_files import (
+    DamagedFrameError,
+    checked_numbers,
+    naming_file_in_errors,
+    read_npz,
+)
+from physic_bench.types import TOPOLOGY_OF_COUNT, BenchPerson, Prediction
 from physic_core.body import JOINT_NAMES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_bench.contract import Frame
+    from physic_bench.types import Frame
     from physic_core.types import Person, Reconstruction
 
     Array = NDArray[np.float64]

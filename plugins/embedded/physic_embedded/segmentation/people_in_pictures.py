@@ -25,7 +25,7 @@ _SMALL = 0.75  # of the height of the largest box in the photo; the label errs o
 _IN_ROOM = 0.5  # probability that a person who is asked about is in the room; assumed, not fitted
 
 
-def question_people(people: People, framed: BoolArray) -> People:
+def halve_unlikely_people(people: People, framed: BoolArray) -> People:
     """Return people, sorted by score, with the score of those halved who may not be in the room,
     and with a note about them.
 
@@ -41,12 +41,12 @@ def question_people(people: People, framed: BoolArray) -> People:
         _note(people, figurines, "stands on a table: a figurine?"),
     )
     scores = np.where(pictures | figurines, _IN_ROOM, 1) * people.scores
-    asked = replace(
+    is_unlikely = replace(
         people,
         scores=scores.astype(people.scores.dtype),
         notes=people.notes + tuple(filter(None, notes)),
     )
-    return select_people(asked, np.argsort(-scores, kind="stable"))
+    return select_people(is_unlikely, np.argsort(-scores, kind="stable"))
 
 
 def _on_tables(people: People, bands: list[BoolArray]) -> BoolArray:
@@ -68,11 +68,11 @@ def _on_tables(people: People, bands: list[BoolArray]) -> BoolArray:
     return found
 
 
-def _note(people: People, asked: BoolArray, why: str) -> str:
-    """Return a note about the people (N,) who are ``asked`` about, or ""."""
-    if not asked.any():
+def _note(people: People, is_unlikely: BoolArray, why: str) -> str:
+    """Return a note about the people (N,) who are ``is_unlikely`` about, or ""."""
+    if not is_unlikely.any():
         return ""
-    boxes = boxes_from_masks(people.masks[asked]).round().astype(int).tolist()
+    boxes = boxes_from_masks(people.masks[is_unlikely]).round().astype(int).tolist()
     places = " and ".join(",".join(map(str, box)) for box in boxes)
     return (
         f"the person in the box {places} px {why} If so, leave it out by --ignore x,y. If not, "

@@ -110,7 +110,7 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
     ):
         raise ValueError("it has no list of annotations")
     images = by_id(dataset, "images")
-    image, of_image = shown_in(annotations, images, photo)
+    image, of_image = annotations_of_photo(annotations, images, photo)
     names = {
         key: tuple(identity(name, "the name of a joint") for name in one["keypoints"])
         for key, one in by_id(dataset, "categories").items()
@@ -148,7 +148,7 @@ def id_of(entry: Mapping[str, Any], key: str) -> str:
     return "" if entry.get(key) is None else identity(entry[key], key)
 
 
-def shown_in(
+def annotations_of_photo(
     annotations: Sequence[Mapping[str, Any]], images: Mapping[str, Any], photo: str
 ) -> tuple[str, list[Mapping[str, Any]]]:
     """Return the id of the photo's image, and the annotations of it: of the only image, or the one
@@ -359,7 +359,7 @@ def _scored_people(document: Any) -> Any:
 
 
 def _has_scores(document: Any) -> bool:
-    people = _innermost(_scored_people(document))
+    people = _innermost_list(_scored_people(document))
     entry = people if isinstance(people, Mapping) else _first(people)
     return "keypoints" in entry and ("keypoint_scores" in entry or "scores" in entry)
 
@@ -413,7 +413,7 @@ def _is_label_studio(document: Any) -> bool:
     return isinstance(annotations, list) and "result" in _first(annotations)
 
 
-def _innermost(document: Any) -> Any:
+def _innermost_list(document: Any) -> Any:
     """Return the first list of objects in lists of lists, or the document itself."""
     while isinstance(document, list) and document and isinstance(document[0], list):
         document = document[0]
@@ -423,7 +423,7 @@ def _innermost(document: Any) -> Any:
 def _is_mediapipe(document: Any) -> bool:
     """Return whether a document has landmarks of MediaPipe, in its objects or alone."""
     for key in ("pose_landmarks", "landmarks", "landmark"):
-        document = _innermost(
+        document = _innermost_list(
             document.get(key, document) if isinstance(document, Mapping) else document
         )
     return {"x", "y", "z"} <= _first(document).keys()
