@@ -112,7 +112,7 @@ def up_from_tokens(tokens: PatchTokens, numbers: Mapping[str, FloatArray]) -> Up
 
 def mean_tokens_3x3(tokens: PatchTokens) -> FloatArray:
     """Return the mean tokens (9 C,) of three by three parts of a picture, row by row."""
-    shown = tokens.shown
+    shown = tokens.photo_grid
     for axis in (0, 1):
         # sixths, of which two make a part: of few patches, thirds would differ more
         edges = np.linspace(0, shown.shape[axis], 7).round().astype(int)
