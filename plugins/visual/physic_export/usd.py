@@ -16,7 +16,7 @@ from physic_core.errors import PhysicError
 from physic_core.export import camera_pose
 from physic_core.geometry import linear_from_srgb, rotmat_to_quat
 from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
-from physic_export.skeleton import named_rig, t_pose
+from physic_export.skeleton import at_rest, named_rig, t_pose
 from physic_export.skins import Skins, skins_of
 from physic_visual.floor import drawn_floor
 from physic_visual.glb import skin_influences
@@ -72,7 +72,7 @@ def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: Float64Array) -
     Args:
         stage: the stage.
         path: of the SkelRoot, whose frame is that of the rig.
-        mesh: in the bind pose.
+        mesh: in the bind pose of :func:`at_rest`.
         rig: in the pose.
         up: (3,) unit vector.
     """
@@ -82,7 +82,7 @@ def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: Float64Array) -
     joints = _joint_paths(rig)
     skeleton = UsdSkel.Skeleton.Define(stage, f"{path}/skeleton")
     skeleton.CreateJointsAttr(joints)
-    skeleton.CreateBindTransformsAttr(_matrices(np.linalg.inv(rig.inverse_bind)))
+    skeleton.CreateBindTransformsAttr(_matrices(np.linalg.inv(at_rest(rig, up).inverse_bind)))
     rest = np.tile(np.eye(4), (len(rig.names), 1, 1))
     rest[:, :3, :3] = standing.rotations
     rest[:, :3, 3] = standing.offsets
@@ -206,8 +206,9 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
     path = f"/physic/{mesh.name}"
     top = UsdSkel.Root.Define(stage, path) if rig is not None else UsdGeom.Xform.Define(stage, path)
     drawn = mesh
-    if rig is not None:  # in the bind pose
-        drawn = replace(mesh, vertices=rig.vertices, normals=unit_normals(rig.vertices, mesh.faces))
+    if rig is not None:  # in the bind pose, near the T-pose, whose bounds OpenUSD widens by both
+        bound = at_rest(rig, skins.request.frame.up_vector).vertices
+        drawn = replace(mesh, vertices=bound, normals=unit_normals(bound, mesh.faces))
     prim = _add_mesh(stage, f"{path}/mesh", drawn)
     prim.CreateDoubleSidedAttr(False)
     primvars = UsdGeom.PrimvarsAPI(prim)
@@ -220,7 +221,6 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
         primvar.Set(Vt.FloatArray.FromNumpy(numbers))
     if rig is not None:
         add_skeleton(stage, path, prim, rig, skins.request.frame.up_vector)
-        _add_extents(top, prim, mesh.vertices)
     looks = {"neutral": _add_material(stage, f"{path}/looks/neutral", color=BODY_RGB)}
     if skins.source:
         stem = f"{skins.request.stem}_{mesh.name}"
@@ -230,27 +230,6 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
     collider = _add_mesh(stage, f"{path}/collider", mesh)
     collider.CreatePurposeAttr(UsdGeom.Tokens.guide)
     _make_collider(collider, UsdPhysics.Tokens.convexDecomposition)
-
-
-def _add_extents(root: Any, mesh: Any, posed: AnyArray) -> None:
-    """State the bounds of a person: at time 0 those of the T-pose, at time 1 those of the pose (V,
-    3).
-
-    Without them, OpenUSD widens the bounds of the joints by the distance from the mesh in its bind
-    pose to the resting joints, which is the distance of the person from the origin.
-    """
-    from pxr import Usd, UsdGeom, UsdSkel
-
-    cache = UsdSkel.Cache()
-    cache.Populate(root, Usd.PrimDefaultPredicate)
-    skeleton = cache.GetSkelQuery(UsdSkel.BindingAPI(mesh).GetInheritedSkeleton())
-    resting = mesh.GetPointsAttr().Get()
-    transforms = skeleton.ComputeSkinningTransforms(0)
-    cache.GetSkinningQuery(mesh.GetPrim()).ComputeSkinnedPoints(transforms, resting, 0)
-    extent = UsdGeom.Boundable(root).CreateExtentAttr()
-    for time, points in ((0, np.array(resting)), (1, posed)):
-        extent.Set(_extent(points), time)
-    extent.Set(_extent(posed))
 
 
 def _extent(points: AnyArray) -> list[Any]:
