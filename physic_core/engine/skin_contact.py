@@ -138,8 +138,8 @@ def _nearest_contact(
         if candidate.least_cost >= cost:
             break
         gap, touching, nearest = _contact_patch(skin, candidate.target)
-        if gap <= _REACH_M and gap**2 + candidate.answer_cost < cost:
-            cost = gap**2 + candidate.answer_cost
+        if gap <= _REACH_M and gap**2 + candidate.pairs_cost < cost:
+            cost = gap**2 + candidate.pairs_cost
             best = candidate, touching, nearest
     if best is None:
         return None
@@ -161,7 +161,7 @@ class _ContactCandidate(NamedTuple):
     """
 
     least_cost: float
-    answer_cost: float
+    pairs_cost: float
     person: int
     part: str
     probability: float
@@ -196,9 +196,9 @@ def _contact_candidates(
                 other_answer = float(observed[j, OBSERVED[other], touched])
                 rates = touch_rates()[[OBSERVED[part], OBSERVED[other]], touched]
                 probability = _mutual_probability(alone, other_answer, float(rates.max()))
-            answer_cost = -2 * _ANSWER_M**2 * math.log(max(other_answer, _LEAST_ANSWER))
+            pairs_cost = -2 * _ANSWER_M**2 * math.log(max(other_answer, _LEAST_ANSWER))
             yield _ContactCandidate(
-                least_cost + answer_cost, answer_cost, j, other, probability, target
+                least_cost + pairs_cost, pairs_cost, j, other, probability, target
             )
 
 

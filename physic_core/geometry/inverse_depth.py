@@ -42,7 +42,7 @@ _TOLERANCE = 0.02  # largest error of an inlier, as a share of the range of inve
 _LEAST_RISE = 0.05  # least increase of inverse depth from top to bottom, as a share of its range
 
 
-class _Means(NamedTuple):
+class _BlockMeans(NamedTuple):
     share: Tensor  # (h, w) of pixels that are valid
     rays: Tensor  # (h, w, 3)
     inverse: Tensor  # (h, w)
@@ -68,9 +68,9 @@ class InverseDepthMap:
     tolerance: float
     least_rise: float
     hole: Tensor | None
-    _means: dict[int, _Means] = field(default_factory=dict, init=False, repr=False)
+    _means: dict[int, _BlockMeans] = field(default_factory=dict, init=False, repr=False)
 
-    def block_means(self, block: int) -> _Means:
+    def block_means(self, block: int) -> _BlockMeans:
         """Return the means over square blocks of pixels, computed once for each side."""
         if block not in self._means:
             share = _block_mean(self.valid.to(self.inverse), block)
@@ -80,7 +80,7 @@ class InverseDepthMap:
             if self.hole is not None:
                 weight = 1 - (1 - HOLE_WEIGHT) * _block_mean(self.hole.to(share), block)
             inverse = _block_mean(self.inverse, block) * scale
-            self._means[block] = _Means(share, torch.stack(rays, -1), inverse, weight)
+            self._means[block] = _BlockMeans(share, torch.stack(rays, -1), inverse, weight)
         return self._means[block]
 
     def error(self, by_ray: Tensor) -> Tensor:

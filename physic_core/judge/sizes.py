@@ -103,15 +103,15 @@ def _scene_sizes(known: LocatedSizes, factor: float = 1.0) -> str:
 
 
 def compare_sizes(
-    estimates: Estimates, people: list[Measures], placed: State, state: State
+    estimates: Estimates, people: list[Measures], before_joint: State, after_joint: State
 ) -> tuple[list[str], list[Measures], dict[str, Any]]:
     """Compare the known sizes with the result.
 
     Args:
         estimates: of the photo.
         people: measures of the people.
-        placed: state of the people before stage 3.
-        state: after it.
+        before_joint: state of the people before stage 3.
+        after_joint: after it.
 
     Returns:
         Warnings; the measures with the comparison; diagnostics of :func:`contradictions`.
@@ -119,9 +119,9 @@ def compare_sizes(
     Raises:
         ConfigError: a size differs from the given one by more than three standard errors.
     """
-    warnings, measured = contradictions(estimates.known, state)
-    growth = _growth_to_floor(people, state)
-    people = compare_statures(people, estimates, placed, state, growth)
+    warnings, measured = contradictions(estimates.known, after_joint)
+    growth = _growth_to_floor(people, after_joint)
+    people = compare_statures(people, estimates, before_joint, after_joint, growth)
     limit = CHECKS["given_size"].threshold
     for i, (person, own) in enumerate(zip(people, growth, strict=True)):
         sigmas = person.stature_sigmas

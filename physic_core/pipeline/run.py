@@ -178,7 +178,7 @@ class Pipeline:
         """
         return self._run(
             photo,
-            _Given(intrinsics, people, known, tuple(views), complete, bodies, masks),
+            _UserInput(intrinsics, people, known, tuple(views), complete, bodies, masks),
             settings,
             progress,
         )
@@ -228,7 +228,7 @@ class Pipeline:
     def _run(
         self,
         source: PhotoSource,
-        given: _Given,
+        user_input: _UserInput,
         settings: Mapping[str, Any] | None = None,
         progress: Progress | None = None,
         *,
@@ -237,7 +237,7 @@ class Pipeline:
         """Reconstruct a photo; with ``close``, close each backend after its last use, which frees
         its memory.
         """
-        camera = given.camera()
+        camera = user_input.camera()
         plan = self._plan_with(settings)
         path = photo_path_for_messages(source)
         with self._exclusive(), _errors_name_photo(path):
@@ -252,7 +252,7 @@ class Pipeline:
             stages = self._stages(progress, close=close)
             try:
                 found = _reconstruct(
-                    photo, plan, given, stages, close=close or plan.config.run.low_memory
+                    photo, plan, user_input, stages, close=close or plan.config.run.low_memory
                 )
             finally:
                 for name, resolved in plan.backends.items():
@@ -329,8 +329,8 @@ def reconstruct(
             missing, nothing was computed.
     """
     with Pipeline(config, backends=backends) as pipeline:
-        given = _Given(intrinsics, people, known, bodies=bodies, masks=masks)
-        return pipeline._run(photo, given, progress=progress, close=True)
+        user_input = _UserInput(intrinsics, people, known, bodies=bodies, masks=masks)
+        return pipeline._run(photo, user_input, progress=progress, close=True)
 
 
 @contextmanager
@@ -350,11 +350,11 @@ _GIVEN: dict[str, tuple[type, str]] = {
     "known": (KnownSizes, "(stature=(1.8,)) in meters"),
     "bodies": (Bodies, "(parameters, body_model) in meters"),
 }
-"""Fields of `_Given` that users pass -> type, and how it is constructed."""
+"""Fields of `_UserInput` that users pass -> type, and how it is constructed."""
 
 
 @dataclass(frozen=True)
-class _Given:
+class _UserInput:
     """The user's data for one photo, px of the upright file, and the views of other cameras."""
 
     intrinsics: Intrinsics | None = None
@@ -383,14 +383,19 @@ class _Given:
 
 
 def _reconstruct(
-    photo: Photo, plan: ResolvedPipeline, given: _Given, stages: StageCaller, *, close: bool
+    photo: Photo,
+    plan: ResolvedPipeline,
+    user_input: _UserInput,
+    stages: StageCaller,
+    *,
+    close: bool,
 ) -> Reconstruction:
     from physic_core.backends.devices import limited_threads
     from physic_core.prepare.files import read_bodies_of, read_masks_of
 
-    people, masks = read_masks_of(photo, plan, given.people, given.masks)
-    bodies = read_bodies_of(photo, plan, given.bodies)
-    prepared = prepare_photo(photo, plan.photo, people, given.known, bodies, masks)
+    people, masks = read_masks_of(photo, plan, user_input.people, user_input.masks)
+    bodies = read_bodies_of(photo, plan, user_input.bodies)
+    prepared = prepare_photo(photo, plan.photo, people, user_input.known, bodies, masks)
     photo = prepared.photo
     stages.note(*photo.notes)
     stages.warn(*photo.warnings)
@@ -399,8 +404,8 @@ def _reconstruct(
         estimates = _estimate(run, close=close)
     from physic_core.pipeline.optimise import run_engine
 
-    estimates = replace(estimates, views=given.views)
-    estimates = estimates if given.complete is None else given.complete(estimates)
+    estimates = replace(estimates, views=user_input.views)
+    estimates = estimates if user_input.complete is None else user_input.complete(estimates)
     engine = plan.engine
     if plan.photo.bodies_final and bodies is not None:
         engine = replace(engine, joint=engine.joint.with_fixed_bodies())

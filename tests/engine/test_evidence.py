@@ -25,7 +25,7 @@ def test_thinning_changes_the_energy_little(standing):
 
 def test_chamfer_equals_its_slow_reference_under_a_scale(standing):
     state = standing.state
-    cloud = HumanPoints.of_state(state)
+    cloud = HumanPoints.from_state(state)
     vertices = standing.vertices[:, ::7] + torch.tensor([0.01, 0.0, 0.05])
     facing = uniform(*vertices.shape[:2]) < 0.5
     log_scale = torch.tensor(0.1)

@@ -270,7 +270,7 @@ def comparison_page(
     photos: Sequence[Comparison],
     pictures: Sequence[Sequence[bytes]],
     links: Sequence[Sequence[str]],
-    about: Sequence[tuple[str, Sequence[str]]],
+    warnings: Sequence[tuple[str, Sequence[str]]],
 ) -> str:
     """Return the page.
 
@@ -278,7 +278,7 @@ def comparison_page(
         photos: all comparisons.
         pictures: thumbnails of A and B of each, :data:`PICTURE_HEIGHT` px high.
         links: to the pages of both results of each; "" where there is none.
-        about: title and lines of what stands above the photos.
+        warnings: title and lines of what stands above the photos.
     """
     cards = [
         {
@@ -290,7 +290,7 @@ def comparison_page(
         for photo, pair, two in zip(photos, pictures, links, strict=True)
     ]
     page = files("physic_bench") / "comparison.html"
-    return fill_page(page, DATA={"about": about, "photos": cards})
+    return fill_page(page, DATA={"about": warnings, "photos": cards})
 
 
 def _by_photo(folder: Path) -> dict[tuple[str, int], Path]:
@@ -363,8 +363,10 @@ def _touched(partner: ContactPartner) -> str:
     return partner.title if partner.surface or partner.kind == "hidden" else contact_label(partner)
 
 
-def _difference(one: FloatArray, other: FloatArray) -> JointDifference | None:
-    apart = np.linalg.norm(np.asarray(one[BODY_JOINTS], np.float64) - other[BODY_JOINTS], axis=-1)
+def _difference(first: FloatArray, second: FloatArray) -> JointDifference | None:
+    apart = np.linalg.norm(
+        np.asarray(first[BODY_JOINTS], np.float64) - second[BODY_JOINTS], axis=-1
+    )
     if not len(apart) or not np.isfinite(apart).all():
         return None
     return JointDifference(

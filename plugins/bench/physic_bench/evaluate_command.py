@@ -129,16 +129,18 @@ def _command_of(chosen: DataSet) -> click.Command:
         _evaluate(chosen, own_options, _CommonOptions(**given))
 
     # "\b" keeps the lines of a paragraph as they are.
-    about = "\n\n".join(f"\b\n{part}" for part in chosen.about.strip().split("\n\n"))
-    return click.Command(chosen.name, params=[*_COMMON, *chosen.options], callback=run, help=about)
+    description = "\n\n".join(f"\b\n{part}" for part in chosen.description.strip().split("\n\n"))
+    return click.Command(
+        chosen.name, params=[*_COMMON, *chosen.options], callback=run, help=description
+    )
 
 
-def _require_complete(chosen: DataSet, options: dict[str, Any], given: _CommonOptions) -> None:
-    missing = chosen.missing(given.root, given.reconstructs, **options)
+def _require_complete(chosen: DataSet, options: dict[str, Any], common: _CommonOptions) -> None:
+    missing = chosen.missing(common.root, common.reconstructs, **options)
     if missing:
         lines = "\n".join(f"  {sentence}" for sentence in missing)
         raise InputError(
-            f"{given.root} is not complete; `physic evaluate {chosen.name} --help` says what to "
+            f"{common.root} is not complete; `physic evaluate {chosen.name} --help` says what to "
             f"get:\n{lines}"
         )
 
@@ -150,27 +152,27 @@ def _require_frames(frame_set: FrameSet, root: Path) -> None:
 
 
 def _reconstruct(
-    frames: Sequence[Frame], job: BatchJob, given: _CommonOptions, report: Callable[[str], None]
+    frames: Sequence[Frame], job: BatchJob, common: _CommonOptions, report: Callable[[str], None]
 ) -> Method:
     """Reconstruct all frames, and return where the results are."""
     from physic_bench.evaluation import Method, reconstruct_frames
 
     failures = reconstruct_frames(
-        frames, job, given.workers, report, with_camera=not given.no_camera
+        frames, job, common.workers, report, with_camera=not common.no_camera
     )
-    name = given.preset or (given.config.stem if given.config else "embedded")
+    name = common.preset or (common.config.stem if common.config else "embedded")
     return Method(f"physic {name}", "physic", Path(job.out), failures)
 
 
-def _evaluate(chosen: DataSet, options: dict[str, Any], given: _CommonOptions) -> None:
+def _evaluate(chosen: DataSet, options: dict[str, Any], common: _CommonOptions) -> None:
     """Check everything that can be wrong before anything is computed; then reconstruct, score and
     write.
     """
-    if given.preset is not None and given.config is not None:
+    if common.preset is not None and common.config is not None:
         raise click.UsageError(
             '--preset cannot be combined with --config: write extends = "NAME" into the file'
         )
-    _require_complete(chosen, options, given)
+    _require_complete(chosen, options, common)
     from physic_bench.bodies import BodyFiles
     from physic_bench.datasets.base import FrameChoice
     from physic_bench.evaluation import evaluate_methods
@@ -178,17 +180,19 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _CommonOptions) -
     from physic_bench.tables import check_results, write_results
     from physic_core.files import MARK, check_writable
 
-    files = BodyFiles(given.smplx, given.smpl)
+    files = BodyFiles(common.smplx, common.smpl)
     report = partial(echo, err=True)
-    check_results(check_writable(given.out))
-    methods = _methods(given)
-    job = _job(given) if given.reconstructs else None
-    frame_set = chosen.frames(given.root, FrameChoice(given.frames, given.limit), files, **options)
-    _require_frames(frame_set, given.root)
+    check_results(check_writable(common.out))
+    methods = _methods(common)
+    job = _job(common) if common.reconstructs else None
+    frame_set = chosen.frames(
+        common.root, FrameChoice(common.frames, common.limit), files, **options
+    )
+    _require_frames(frame_set, common.root)
     for note in (f"{len(frame_set.frames)} frames", *frame_set.notes):
         report(note)
     if job is not None:
-        methods.insert(0, _reconstruct(frame_set.frames, job, given, report))
+        methods.insert(0, _reconstruct(frame_set.frames, job, common, report))
     records, scored = evaluate_methods(frame_set, methods, files)
     every = [record for rows in records.values() for record in rows]
     columns = columns_with_contact_truths(
@@ -201,14 +205,14 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _CommonOptions) -
         "left_out": dict(scored.left_out),
         "records": records,
     }
-    title = _table_title(chosen, options, given, len(frame_set.frames))
-    paths = write_results(records, columns, given.out, title, scored.notes, document)
+    title = _table_title(chosen, options, common, len(frame_set.frames))
+    paths = write_results(records, columns, common.out, title, scored.notes, document)
     echo(paths[0].read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
     echo(f"wrote {', '.join(map(str, paths))}")
 
 
 def _table_title(
-    chosen: DataSet, options: dict[str, Any], given: _CommonOptions, frames: int
+    chosen: DataSet, options: dict[str, Any], common: _CommonOptions, frames: int
 ) -> str:
     """Return the line over the tables: the data set, and every option that changes the figures."""
     defaults = {option.name: option.default for option in chosen.options}
@@ -217,15 +221,17 @@ def _table_title(
         for name, value in options.items()
         if value != defaults[name]
     ]
-    changed += [f"--frames {given.frames.name}"] if given.frames is not None else []
-    changed += [f"--limit {given.limit}"] if given.limit is not None else []
-    if given.reconstructs:
-        changed += ["--no-camera"] * given.no_camera + [f"--set {text}" for text in given.overrides]
+    changed += [f"--frames {common.frames.name}"] if common.frames is not None else []
+    changed += [f"--limit {common.limit}"] if common.limit is not None else []
+    if common.reconstructs:
+        changed += ["--no-camera"] * common.no_camera + [
+            f"--set {text}" for text in common.overrides
+        ]
     words = f"{chosen.name}, {frames} frames"
     return f"{words}, with {', '.join(changed)}" if changed else words
 
 
-def _job(given: _CommonOptions) -> BatchJob:
+def _job(common: _CommonOptions) -> BatchJob:
     """Return the batch of the pictures.
 
     Raises:
@@ -237,20 +243,20 @@ def _job(given: _CommonOptions) -> BatchJob:
     from physic_core.configuration.model import load_config
     from physic_core.files import path_to_write
 
-    config = load_config(given.config, preset=given.preset, overrides=given.overrides)
-    folder = path_to_write(given.out, "reconstructions")
+    config = load_config(common.config, preset=common.preset, overrides=common.overrides)
+    folder = path_to_write(common.out, "reconstructions")
     for name in (LOGS, PICTURES):
         path_to_write(folder, name)
     return prepare_job(config, folder, "numbers", with_thumbnails=False)
 
 
-def _methods(given: _CommonOptions) -> list[Method]:
+def _methods(common: _CommonOptions) -> list[Method]:
     """Return the methods of --results."""
     from physic_bench.evaluation import Method
     from physic_bench.predictions import READERS
 
     methods: list[Method] = []
-    for text in given.results:
+    for text in common.results:
         name, separator, rest = text.partition("=")
         name, rest = (name, rest) if separator else ("", text)
         kind, separator, folder = rest.partition(":")

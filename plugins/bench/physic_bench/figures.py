@@ -75,10 +75,10 @@ def mean_column(
     key: str, label: str, definition: str, digits: int = 1, better: str = "low"
 ) -> Column:
     """Return the mean of an entry over the records that have it."""
-    return Column(key, label, definition, partial(_known_value, key=key), _mean, digits, better)
+    return Column(key, label, definition, partial(_value_if_known, key=key), _mean, digits, better)
 
 
-def _known_value(record: Record, key: str) -> Sequence[float] | None:
+def _value_if_known(record: Record, key: str) -> Sequence[float] | None:
     value = record.get(key)
     return (
         None
@@ -166,12 +166,18 @@ def difference(
     groups = _groups([*first, *second])
     (one, count, several), (two, _, _) = (_group_sums(records, column, groups) for records in kept)
 
-    def apart(sums: Float64Array) -> Float64Array:
+    def difference_of_sums(sums: Float64Array) -> Float64Array:
         half = sums.shape[-1] // 2
         return column.value(sums[..., half:]) - column.value(sums[..., :half])
 
     both = np.concatenate([one, two], axis=1)
-    return _with_interval(both.sum(0), apart(draw_counts(len(both)) @ both), apart, count, several)
+    return _with_interval(
+        both.sum(0),
+        difference_of_sums(draw_counts(len(both)) @ both),
+        difference_of_sums,
+        count,
+        several,
+    )
 
 
 def _groups(records: Sequence[Record]) -> dict[str, int]:

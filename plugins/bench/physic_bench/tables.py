@@ -69,8 +69,8 @@ def write_results(
         "columns": [
             {key: getattr(c, key) for key in ("key", "label", "definition", "better")} for c in kept
         ],
-        "figures": _numbers(figures),
-        "differences": _numbers(differences),
+        "figures": _figures_as_json(figures),
+        "differences": _figures_as_json(differences),
     }
     texts = (
         "\n".join([header, "", _tables_text(aligned_table, parts, first), "", *lines, ""]),
@@ -105,7 +105,8 @@ def _rows(shown: Figures, columns: Sequence[Column], *, signed: bool) -> list[li
     return rows
 
 
-def _numbers(shown: Figures) -> dict[str, Any]:
+def _figures_as_json(figures: Figures) -> dict[str, Any]:
     return {
-        name: {key: asdict(f) for key, f in by_column.items()} for name, by_column in shown.items()
+        name: {key: asdict(f) for key, f in by_column.items()}
+        for name, by_column in figures.items()
     }

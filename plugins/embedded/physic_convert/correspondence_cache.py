@@ -54,7 +54,7 @@ def _digest(rest: RestMesh, model: BodyModel) -> str:
     return digest.hexdigest()
 
 
-def _read(path: Path, vertices: int, others: int) -> Correspondence | None:
+def _read(path: Path, vertices: int, source_vertices: int) -> Correspondence | None:
     try:
         correspondence: Correspondence = read_value(path, [Correspondence], {"name": path.name})
     except (OSError, DamagedFileError):
@@ -64,10 +64,12 @@ def _read(path: Path, vertices: int, others: int) -> Correspondence | None:
         shapes == [(vertices, 3), (vertices, 3), (vertices,)]
         and correspondence.corners.min(initial=0) >= 0
     )
-    return correspondence if fits and correspondence.corners.max(initial=0) < others else None
+    return (
+        correspondence if fits and correspondence.corners.max(initial=0) < source_vertices else None
+    )
 
 
-def _write(path: Path, found: Correspondence) -> None:
+def _write(path: Path, correspondence: Correspondence) -> None:
     """Store a map; a disk error is ignored, since the map can be computed again in seconds."""
     with suppress(OSError, OutputError):
-        write_value(path, found, {"name": path.name})
+        write_value(path, correspondence, {"name": path.name})

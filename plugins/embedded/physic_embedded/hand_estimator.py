@@ -95,25 +95,25 @@ class EmbeddedHands(PackagedBackend, HandEstimator):
                 confidence[i, s] = look.presence * (look.right if s else 1.0 - look.right)
         return Hands(rotvecs, confidence)
 
-    def _is_reliable(self, look: HandLandmarks, side: str) -> bool:
+    def _is_reliable(self, landmarks: HandLandmarks, side: str) -> bool:
         """Return whether the landmarks of a hand are good enough to use."""
-        right_side = (look.right > 0.5) == (side == "right")
-        steady = look.mirror_gap < _LARGEST_GAP
+        right_side = (landmarks.right > 0.5) == (side == "right")
+        steady = landmarks.mirror_gap < _LARGEST_GAP
         return (
             right_side
             and steady
-            and look.size >= _LEAST_SIZE_PX
-            and look.presence >= _LEAST_PRESENCE
+            and landmarks.size >= _LEAST_SIZE_PX
+            and landmarks.presence >= _LEAST_PRESENCE
         )
 
 
 def _search_square(
-    points: FloatArray, seen: FloatArray, row: dict[str, int], side: str
+    points: FloatArray, confidence: FloatArray, row: dict[str, int], side: str
 ) -> RotatedSquare | None:
     """Return the square in which to search for a hand, in which the forearm points up; None if the
     wrist is not visible.
     """
-    if seen[row[f"{side}_wrist"]] < 0.3:
+    if confidence[row[f"{side}_wrist"]] < 0.3:
         return None
     elbow, wrist = (points[row[f"{side}_{joint}"]] for joint in ("elbow", "wrist"))
     knuckles = [row[f"{side}_{name}"] for name in KNUCKLES if f"{side}_{name}" in row]

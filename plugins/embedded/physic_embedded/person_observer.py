@@ -210,21 +210,21 @@ def fitted_numbers() -> Mapping[str, Float32Array]:
 
 
 def observations_from_features(
-    found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray]
+    features: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray]
 ) -> Observations:
     """Return the answers of N people from what :func:`features_of_questions` returns and the
     numbers of :data:`NUMBERS`.
     """
 
     def answer(question: str) -> FloatArray:
-        logits = found[question] @ numbers[question][:, :-2].T + numbers[question][:, -2]
+        logits = features[question] @ numbers[question][:, :-2].T + numbers[question][:, -2]
         p = softmax(logits, axis=-1) if logits.shape[-1] > 1 else expit(logits)
         return np.asarray(p, np.float32)
 
     def share(question: str) -> FloatArray:
         return numbers[question][:, -1].astype(np.float32)
 
-    unknown = Observations.unknown(len(found["posture"]))
+    unknown = Observations.unknown(len(features["posture"]))
     touch, touch_share = unknown.touch.copy(), unknown.touch_share.copy()
     for question, answers in ANSWERS.items():
         _set_touch(touch, question, answers, answer(question))

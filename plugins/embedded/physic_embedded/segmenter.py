@@ -205,29 +205,29 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         return resolve_overlaps(alone, embedding)
 
     def _omit_low_masks(
-        self, found: list[DetectedPose], masks: BoolArray
+        self, detections: list[DetectedPose], masks: BoolArray
     ) -> tuple[list[DetectedPose], BoolArray, list[UnposedPerson]]:
         """Omit people whose mask is low, and return them as boxes without a pose."""
         edges = boxes_from_masks(masks)
         tall = edges[:, 3] - edges[:, 1] >= _LEAST_HEIGHT_PX
         why = f"lower than {_LEAST_HEIGHT_PX:g} px"
-        low = [unposed_person(one.extent, one.score, why) for one in compress(found, ~tall)]
-        return list(compress(found, tall)), masks[tall], low
+        low = [unposed_person(one.extent, one.score, why) for one in compress(detections, ~tall)]
+        return list(compress(detections, tall)), masks[tall], low
 
     def _people(
         self,
-        found: list[DetectedPose],
+        detections: list[DetectedPose],
         masks: BoolArray,
         floor: BoolArray | None,
         surfaces: SurfaceLabels | None,
         image: UInt8Array,
     ) -> People:
         """Return the people with their poses."""
-        keypoints = keypoints_from_poses([person.pose for person in found], *image.shape[:2])
+        keypoints = keypoints_from_poses([person.pose for person in detections], *image.shape[:2])
         return People(
             masks=masks,
             boxes=boxes_from_masks(masks).astype(np.float32),
-            scores=np.array([person.score for person in found], np.float32),
+            scores=np.array([person.score for person in detections], np.float32),
             floor=floor,
             keypoints=lower_confidence_of_hidden_hips(keypoints, masks),
             surfaces=surfaces,
@@ -242,19 +242,19 @@ def _left_out_note(names: list[str]) -> tuple[str, ...]:
 
 
 def _reassign_parts(
-    masks: BoolArray, sure: BoolArray, repeats: BoolArray, alone: BoolArray
+    masks: BoolArray, is_sure: BoolArray, repeats: BoolArray, separate_masks: BoolArray
 ) -> BoolArray:
-    """Return masks (N, H, W) in which the people who are ``sure`` (N,) have the pixels that parts
-    of them took: ``repeats`` (N,) of their poses, most of whose mask is in the masks (S, H, W) of
-    the sure people alone.
+    """Return masks (N, H, W) in which the people who are ``is_sure`` (N,) have the pixels that
+    parts of them took: ``repeats`` (N,) of their poses, most of whose mask is in the
+    masks (S, H, W) of the sure people alone.
     """
     changed = masks.copy()
-    theirs = np.asarray(alone.any(0))
+    theirs = np.asarray(separate_masks.any(0))
     for i in np.flatnonzero(repeats):
         taken = masks[i] & theirs
         if taken.sum() > _PART * masks[i].sum():
             changed[i] &= ~theirs
-            changed[sure] |= alone & taken
+            changed[is_sure] |= separate_masks & taken
     return changed
 
 

@@ -105,7 +105,7 @@ def recover_camera(
 
 
 def points_on_rays(
-    z: FloatArray, mask: BoolArray, found: AffineCamera, camera: Intrinsics, scale: float = 1.0
+    z: FloatArray, mask: BoolArray, affine: AffineCamera, camera: Intrinsics, scale: float = 1.0
 ) -> tuple[FloatArray, BoolArray]:
     """Add the z-shift to an affine point map, scale it, and place each point on the ray of its
     pixel.
@@ -113,7 +113,7 @@ def points_on_rays(
     Args:
         z: (H, W), z of the points.
         mask: (H, W) bool, valid points.
-        found: result of :func:`recover_camera`.
+        affine: result of :func:`recover_camera`.
         camera: of the image.
         scale: metres per unit of the points, or 1.
 
@@ -124,7 +124,7 @@ def points_on_rays(
     """
     height, width = mask.shape
     with np.errstate(invalid="ignore"):
-        depth = (np.asarray(z, np.float64) + found.shift) * scale
+        depth = (np.asarray(z, np.float64) + affine.shift) * scale
         valid = mask & np.isfinite(depth) & (depth > 0)
     depth = np.where(valid, depth, np.nan)
     u = (np.arange(width) - camera.cx) / camera.fx

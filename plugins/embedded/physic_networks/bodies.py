@@ -246,27 +246,29 @@ _FINGERS = [[joint for finger in hand for joint in finger] for hand in FINGER_JO
 _FOOT_POINTS = ("big_toe", "small_toe", "heel", "foot_tip")
 
 
-def _observed_limbs(seen: BoolArray, row: Mapping[str, int], finger_share: float) -> BoolArray:
+def _observed_limbs(
+    is_visible: BoolArray, row: Mapping[str, int], finger_share: float
+) -> BoolArray:
     """Return which joints (N, 55) of arms, legs, hands and feet are visible, from the visible
     keypoints (N, J) and the row of each name.
     """
-    observed: BoolArray = np.zeros((len(seen), NUM_JOINTS), bool)
+    observed: BoolArray = np.zeros((len(is_visible), NUM_JOINTS), bool)
     for k, side in enumerate(SIDES):
         for joint, pair in _LIMBS.items():
-            observed[:, pair[k]] = seen[:, row[f"{side}_{joint}"]]
+            observed[:, pair[k]] = is_visible[:, row[f"{side}_{joint}"]]
         wrist, ankle, shoulder = (
             observed[:, _LIMBS[name][k]] for name in ("wrist", "ankle", "shoulder")
         )
-        foot = _columns_of((f"{side}_{name}" for name in _FOOT_POINTS), seen, row)
+        foot = _columns_of((f"{side}_{name}" for name in _FOOT_POINTS), is_visible, row)
         own = (name for name in row if name.startswith(side))
-        hand = _columns_of((n for n in own if is_finger(n) or "hand_root" in n), seen, row)
-        share = hand.mean(axis=1, keepdims=True) if hand.shape[1] else np.ones((len(seen), 1))
+        hand = _columns_of((n for n in own if is_finger(n) or "hand_root" in n), is_visible, row)
+        share = hand.mean(axis=1, keepdims=True) if hand.shape[1] else np.ones((len(is_visible), 1))
         observed[:, _FEET[k]] = foot.any(axis=1) if foot.shape[1] else ankle
         observed[:, _COLLARS[k]] = shoulder
         observed[:, _FINGERS[k]] = np.logical_and(wrist[:, None], share >= finger_share)
     return observed
 
 
-def _columns_of(names: Iterable[str], seen: BoolArray, row: Mapping[str, int]) -> BoolArray:
+def _columns_of(names: Iterable[str], is_visible: BoolArray, row: Mapping[str, int]) -> BoolArray:
     """Return the columns of the names that the skeleton has."""
-    return seen[:, [row[name] for name in names if name in row]]
+    return is_visible[:, [row[name] for name in names if name in row]]

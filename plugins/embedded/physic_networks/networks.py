@@ -341,11 +341,11 @@ def to_numpy(value: Any) -> FloatArray:
     """
     plain = value.detach().float().cpu().numpy() if hasattr(value, "detach") else value
     array = np.asarray(plain, np.float32)
-    check_answer(array, "the network")
+    check_network_output(array, "the network")
     return array
 
 
-def check_answer(values: AnyArray, source: str) -> None:
+def check_network_output(values: AnyArray, source: str) -> None:
     """Check that an answer of several numbers has a finite one.
 
     Comparisons with NaN are False: without this check, a network that has failed looks like one

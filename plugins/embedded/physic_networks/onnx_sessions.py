@@ -157,11 +157,11 @@ class _OnnxFile:
         kept = KeptGraph.of(self.path.stem, " ".join(self.published.values()))
         if kept is None:
             return None
-        if (session := self._open_kept(kept)) is not None:
+        if (session := self._open_stored(kept)) is not None:
             return session
         session = kept.write(self._optimise)
         # The kept weights are mapped into memory, those of the session that wrote them are copies.
-        return (session and self._open_kept(kept)) or session
+        return (session and self._open_stored(kept)) or session
 
     def open(self) -> InferenceSession:
         """Open the file itself.
@@ -214,7 +214,7 @@ class _OnnxFile:
         options.add_session_config_entry(f"{external}_min_size_in_bytes", "1024")
         return self._create_compared(options)
 
-    def _open_kept(self, kept: KeptGraph) -> InferenceSession | None:
+    def _open_stored(self, kept: KeptGraph) -> InferenceSession | None:
         if (content := kept.read()) is None:
             return None
         options = _session_options(self.threads, self.provider)

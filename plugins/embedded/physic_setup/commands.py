@@ -78,13 +78,13 @@ def _setup_of(preset: str, folder: Path) -> Setup:
     return setup_steps(config, preset, folder, missing)
 
 
-def _script(found: Setup, preset: str, folder: Path, about: list[str]) -> Iterator[str]:
-    left = [step for step in found.steps if not step.is_done]
+def _script(plan: Setup, preset: str, folder: Path, config_notes: list[str]) -> Iterator[str]:
+    left = [step for step in plan.steps if not step.is_done]
     config = shlex.quote(str(folder / f"{preset}.toml"))
-    yield f"# physic setup {preset}: {len(left)} of {len(found.steps)} steps remain."
-    yield from (f"# {line}" for line in _cost_lines(found))
-    yield from ("", *about)
-    for number, step in enumerate(found.steps, 1):
+    yield f"# physic setup {preset}: {len(left)} of {len(plan.steps)} steps remain."
+    yield from (f"# {line}" for line in _cost_lines(plan))
+    yield from ("", *config_notes)
+    for number, step in enumerate(plan.steps, 1):
         yield ""
         yield f"# {number}. {step.title}{': done' if step.is_done else ''}"
         if step.is_done:
@@ -96,29 +96,29 @@ def _script(found: Setup, preset: str, folder: Path, about: list[str]) -> Iterat
             yield f"mkdir -p {shlex.quote(str(path.parent))}"
             yield f"cat > {shlex.quote(str(path))} <<'END'\n{text}END"
     yield ""
-    if found.keeps_graphs:
+    if plan.keeps_graphs:
         yield f"physic cache fill --config {config}"
     yield f"physic config check --config {config}\n# physic run PHOTO --config {config}"
 
 
-def _cost_lines(found: Setup) -> Iterator[str]:
+def _cost_lines(plan: Setup) -> Iterator[str]:
     """Yield lines about download, GPU memory, accounts and what is not pinned."""
     from physic_core.weights import format_size
 
     more = (
-        f", and these, whose size is not published: {', '.join(found.unsized)}"
-        if found.unsized
+        f", and these, whose size is not published: {', '.join(plan.unsized)}"
+        if plan.unsized
         else ""
     )
-    yield f"Download size, without packages: {format_size(found.download_bytes) or '0 bytes'}{more}"
-    for name, memory in found.gpu:
+    yield f"Download size, without packages: {format_size(plan.download_bytes) or '0 bytes'}{more}"
+    for name, memory in plan.gpu:
         yield f"GPU memory: {memory.gigabytes:g} GB for the {name} ({memory.source})"
-    if found.gpu_unknown:
-        yield f"GPU memory not measured: {', '.join(found.gpu_unknown)}"
-    yield f"Accounts: {', '.join(found.accounts) or 'none'}"
-    if found.unpinned:
+    if plan.gpu_unknown:
+        yield f"GPU memory not measured: {', '.join(plan.gpu_unknown)}"
+    yield f"Accounts: {', '.join(plan.accounts) or 'none'}"
+    if plan.unpinned:
         yield (
-            f"Not pinned: {len(found.unpinned)} of {len(found.unpinned) + found.pinned} files and "
+            f"Not pinned: {len(plan.unpinned)} of {len(plan.unpinned) + plan.pinned} files and "
             "repositories have neither a SHA-256 nor a commit"
         )
 

@@ -126,10 +126,10 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, *, in_folder
             _copy(downloaded, target)
 
 
-def _copy(found: Path, target: Path) -> None:
+def _copy(source: Path, target: Path) -> None:
     """Copy a file, which appears when it is complete."""
     with atomic_write(check_writable(target.parent)) as write:
-        shutil.copyfile(found, write(target.name))
+        shutil.copyfile(source, write(target.name))
 
 
 def _download(file: WeightFile, place: str, scratch: Path) -> Path:

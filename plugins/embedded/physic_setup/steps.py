@@ -320,8 +320,12 @@ def _code_step(repositories: list[tuple[str, Repository]], folder: Path) -> Setu
     )
 
 
-def _checkout_folder(one: Repository, folder: Path) -> Path:
-    return Path(one.folder) if one.folder else folder / one.url.rstrip("/").rpartition("/")[2]
+def _checkout_folder(repository: Repository, folder: Path) -> Path:
+    return (
+        Path(repository.folder)
+        if repository.folder
+        else folder / repository.url.rstrip("/").rpartition("/")[2]
+    )
 
 
 def _user_file_step(file: UserFile, folder: Path) -> SetupStep:

@@ -70,7 +70,9 @@ class _MogeBackend(OnnxBackend):
             lambda: _run(self.network, image, self.options.tokens),
         )
 
-    def _ask(self, image: UInt8Array, given: Intrinsics | None, *, metric: bool) -> Pointmap:
+    def _predict_pointmap(
+        self, image: UInt8Array, known_camera: Intrinsics | None, *, metric: bool
+    ) -> Pointmap:
         """Return the points of a photo on the rays of the known or the estimated camera.
 
         The shift along z is found with the focal length, so that only a scale is left unknown; for
@@ -84,10 +86,10 @@ class _MogeBackend(OnnxBackend):
         surface = confidence > _SURE
         seen_height, seen_width = surface.shape
         notes = [f"MoGe-2 ran on {self.network.provider}"]
-        if given is not None:
-            focal = (given.fx * seen_width / width, given.fy * seen_height / height)
+        if known_camera is not None:
+            focal = (known_camera.fx * seen_width / width, known_camera.fy * seen_height / height)
             solution = recover_camera(xyz, surface, focal)
-            camera = given
+            camera = known_camera
         else:
             solution = recover_camera(xyz, surface)
             focal_px = (
@@ -126,7 +128,7 @@ class Moge2Depth(_MogeBackend, MetricDepth):
         given = hints.intrinsics
         if given is not None and given.guessed:
             given = None
-        solved = self._ask(image, given, metric=True)
+        solved = self._predict_pointmap(image, given, metric=True)
         return DepthMap(solved.points[..., 2].copy(), solved.intrinsics, notes=solved.notes)
 
 
@@ -141,7 +143,7 @@ class Moge2Pointmap(_MogeBackend, RelativePointmap):
         Raises:
             BackendError: it is not loaded, or sees no surface at all.
         """
-        return self._ask(image, hints.intrinsics, metric=False)
+        return self._predict_pointmap(image, hints.intrinsics, metric=False)
 
 
 def network_input_size(height: int, width: int, tokens: int) -> tuple[int, int, int]:

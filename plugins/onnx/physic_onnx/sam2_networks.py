@@ -91,7 +91,7 @@ class Sam2Networks:
         """
         corners = _corners(photo, boxes)
         starts = range(0, len(corners), BOXES_PER_CALL)
-        answers = [self._ask(photo, corners[i : i + BOXES_PER_CALL]) for i in starts]
+        answers = [self._run_decoder(photo, corners[i : i + BOXES_PER_CALL]) for i in starts]
         logits, fits = zip(*answers, strict=True)
         return np.concatenate(logits), np.concatenate(fits)
 
@@ -107,10 +107,10 @@ class Sam2Networks:
         points = photo.to_input_pixels(np.concatenate([inside, outside]))
         labels = [INSIDE] * len(inside) + [OUTSIDE] * len(outside)
         prompt = np.concatenate([_corners(photo, box), points[None]], axis=1)
-        logits, fits = self._ask(photo, prompt, labels)
+        logits, fits = self._run_decoder(photo, prompt, labels)
         return logits[0], fits[0]
 
-    def _ask(
+    def _run_decoder(
         self, photo: EncodedImage, prompt: FloatArray, labels: list[int] | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Run the decoder on N prompts (N, 2 + P, 2): corners of a box, and P labelled points."""

@@ -18,7 +18,7 @@ from pydantic import Field
 
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options
-from physic_networks.networks import NetworkBackend, check_answer
+from physic_networks.networks import NetworkBackend, check_network_output
 from physic_networks.onnx_sessions import open_session
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class Network:
                 f"onnxruntime failed to run {self.name} on {self.provider} with {shapes}: {cause}"
             ) from cause
         for name, value in zip(outputs, answers, strict=True):
-            check_answer(value, f"{self.name} (output {name!r})")
+            check_network_output(value, f"{self.name} (output {name!r})")
         return [
             value.astype(np.float32) if value.dtype == np.float16 else value for value in answers
         ]

@@ -223,7 +223,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
             ),
         )
 
-    def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
+    def run_network(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
         """Run the network: root (M, 1, 3, 3), pose (M, 23, 3, 3), betas (M, 10) and weak
         perspective (M, 3).
         """

@@ -51,7 +51,7 @@ class CheckoutBackend(TorchBackend):
     """Base class of a backend that runs a checkout of a published repository.
 
     ``preprocess`` returns arrays (N, ...) by name, and ``postprocess`` gets the joined outputs of
-    :meth:`ask`; there are none if N is 0.
+    :meth:`run_network`; there are none if N is 0.
 
     Attributes:
         project: the checkout with the code; the option ``checkout`` is its folder.
@@ -104,9 +104,9 @@ class CheckoutBackend(TorchBackend):
         self.network  # noqa: B018 -- raises an error if it is not loaded
         if not len(next(iter(inputs.values()))):
             return []
-        return run_in_batches(self._ask_on_device, inputs, self.options.batch)
+        return run_in_batches(self._run_on_device, inputs, self.options.batch)
 
-    def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
+    def run_network(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
         """Run the network once, and return its outputs of n rows each.
 
         Raises:
@@ -148,11 +148,11 @@ class CheckoutBackend(TorchBackend):
         if output.getvalue():
             _LOG.debug("%s: %s", self.checkout.name, output.getvalue().strip())
 
-    def _ask_on_device(self, part: Mapping[str, AnyArray]) -> Sequence[Any]:
+    def _run_on_device(self, part: Mapping[str, AnyArray]) -> Sequence[Any]:
         import torch
 
         with self.inference():
-            return self.ask(
+            return self.run_network(
                 {name: torch.from_numpy(value).to(self.device) for name, value in part.items()}
             )
 

@@ -117,7 +117,7 @@ class Deco(SmplCheckoutBackend, ContactPrior):
         crops = [contact_crop(image, box) for box in people.boxes]
         return {"img": np.array(crops, np.float32)}
 
-    def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
+    def run_network(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
         """Run the network on crops."""
         return [self.network[0](inputs["img"])[0]]
 

@@ -102,7 +102,7 @@ def visible_hand_boxes(
 
 
 def _box_from_points(
-    points: FloatArray, sure: FloatArray, row: Mapping[str, int], side: str
+    points: FloatArray, confidence: FloatArray, row: Mapping[str, int], side: str
 ) -> tuple[FloatArray, float] | None:
     """Return the bounding box of 21 hand keypoints and their mean confidence; None for fewer
     keypoints.
@@ -112,11 +112,11 @@ def _box_from_points(
     if len(hand) < _HAND_POINTS:
         return None
     xy = points[hand].astype(np.float64)
-    return np.concatenate([xy.min(axis=0), xy.max(axis=0)]), float(sure[hand].mean())
+    return np.concatenate([xy.min(axis=0), xy.max(axis=0)]), float(confidence[hand].mean())
 
 
 def _box_from_arm(
-    points: FloatArray, sure: FloatArray, row: Mapping[str, int], side: str
+    points: FloatArray, confidence: FloatArray, row: Mapping[str, int], side: str
 ) -> tuple[FloatArray, float] | None:
     """Return the corners of a square box beyond the wrist, and the lower confidence of wrist and
     elbow.
@@ -128,11 +128,13 @@ def _box_from_arm(
     place = points[wrist].astype(np.float64)
     along = place - points[elbow]
     forearm = float(np.linalg.norm(along))
-    if sure[shoulder] > 0:
+    if confidence[shoulder] > 0:
         forearm = max(forearm, _UPPER_ARM * float(np.linalg.norm(points[elbow] - points[shoulder])))
     middle = place + _BEYOND * along
     half = _LENGTH * forearm / 2
-    return np.concatenate([middle - half, middle + half]), float(min(sure[wrist], sure[elbow]))
+    return np.concatenate([middle - half, middle + half]), float(
+        min(confidence[wrist], confidence[elbow])
+    )
 
 
 @contextmanager

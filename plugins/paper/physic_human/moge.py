@@ -99,18 +99,24 @@ class _MogeBackend(CheckoutBackend):
         return points, chance, *rest
 
     def _place_on_rays(
-        self, points: FloatArray, mask: BoolArray, given: Intrinsics | None, scale: float = 1.0
+        self,
+        points: FloatArray,
+        mask: BoolArray,
+        known_camera: Intrinsics | None,
+        scale: float = 1.0,
     ) -> Pointmap:
         """Place the points on the rays of the given camera, or else of the estimated one.
 
         The shift along z stays unknown where the points do not determine the focal length.
         """
         height, width = mask.shape
-        solution = recover_camera(points, mask, None if given is None else (given.fx, given.fy))
+        solution = recover_camera(
+            points, mask, None if known_camera is None else (known_camera.fx, known_camera.fy)
+        )
         source = (
             self.title if solution.determined else f"default: {self.title} finds the scene too flat"
         )
-        camera = given or solution.intrinsics(width, height, source)
+        camera = known_camera or solution.intrinsics(width, height, source)
         placed, valid = points_on_rays(points[..., 2], mask, solution, camera, scale)
         if solution.determined:
             return Pointmap(placed, valid, "scale", camera)
@@ -207,7 +213,7 @@ class _Moge3Backend(_MogeBackend):
         return cached_network_result("moge-3", made_of, {"image": inputs}, compute)
 
     def _pointmap_of_output(
-        self, output: Any, given: Intrinsics | None, *, metric: bool
+        self, output: Any, known_camera: Intrinsics | None, *, metric: bool
     ) -> Pointmap:
         points, chance, scale = output
         if not 0 < float(scale) < np.inf:
@@ -215,7 +221,7 @@ class _Moge3Backend(_MogeBackend):
                 f"{self.title} returned a scale of {float(scale)}, which has to be a number above 0"
             )
         mask = (chance > 0.5) & np.isfinite(points).all(axis=-1)
-        return self._place_on_rays(points, mask, given, float(scale) if metric else 1.0)
+        return self._place_on_rays(points, mask, known_camera, float(scale) if metric else 1.0)
 
 
 class Moge3Pointmap(_Moge3Backend, RelativePointmap):

@@ -224,7 +224,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
             return empty_bodies("mhr", num_betas=0)
         outputs: list[dict[str, Any]] = []
         for first in range(0, len(people), self.options.batch):
-            outputs += self._ask(
+            outputs += self._predict_rows(
                 image, people, slice(first, first + self.options.batch), intrinsics
             )
 
@@ -251,7 +251,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
             mesh=mesh,
         )
 
-    def _ask(
+    def _predict_rows(
         self, image: UInt8Array, people: People, rows: slice, intrinsics: Intrinsics
     ) -> list[dict[str, Any]]:
         """Run the estimator on some people."""

@@ -94,7 +94,7 @@ class Wilor(CheckoutBackend, HandEstimator):
         fingers, wrists = outputs
         return hands_from_mano(len(people), boxes, fingers, wrists)
 
-    def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
+    def run_network(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
         """Run the network: fingers (M, 15, 3) and wrists (M, 1, 3) of right hands."""
         answer = self.network(inputs["img"])
         if not isinstance(answer, dict) or not {"hand_pose", "global_orient"} <= answer.keys():

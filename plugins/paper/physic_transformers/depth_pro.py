@@ -112,18 +112,18 @@ class DepthPro(PretrainedBackend, MetricDepth):
         return DepthMap(near.astype(np.float32), camera, notes=notes)
 
     def _camera(
-        self, degrees: float | None, given: Intrinsics | None, width: int, height: int
+        self, degrees: float | None, known_camera: Intrinsics | None, width: int, height: int
     ) -> tuple[Intrinsics, tuple[str, ...]]:
         """Return the camera that scales the depth, and notes."""
         focal = None if degrees is None else focal_from_fov(degrees, width)
-        if self.options.use_known_focal and given is not None and not given.guessed:
-            if focal is None or abs(given.fx / focal - 1) <= _TELLING:
-                return given, ()
+        if self.options.use_known_focal and known_camera is not None and not known_camera.guessed:
+            if focal is None or abs(known_camera.fx / focal - 1) <= _TELLING:
+                return known_camera, ()
             note = (
                 f"DepthPro estimated a focal length of {focal:.0f} px; its depth is scaled to "
-                f"{given.fx:.0f} px"
+                f"{known_camera.fx:.0f} px"
             )
-            return given, (note,)
+            return known_camera, (note,)
         if focal is None:
             raise BackendError(
                 "DepthPro does not tell the focal length of this photo, and no other is known: "

@@ -80,7 +80,7 @@ class Sam3(PretrainedBackend, Segmenter):
         )
         features = self.model().run("get_vision_features", pixel_values=pixels)
         floor = self._floor(features, size)
-        out = self._ask(features, options.people_words)
+        out = self._segment_words(features, options.people_words)
         # How well a query fits the text, if there is such a thing in the photo at all.
         scores = sigmoid(to_numpy(out.pred_logits)[0]) * sigmoid(to_numpy(out.presence_logits)[0])
         rows = best_rows(scores, options.person_score, options.max_people)
@@ -110,7 +110,7 @@ class Sam3(PretrainedBackend, Segmenter):
             return None
         floor: BoolArray = np.zeros(size, bool)
         for word in words:
-            out = self._ask(features, word)
+            out = self._segment_words(features, word)
             chance = (
                 sigmoid(to_numpy(out.semantic_seg)[0, 0])
                 * sigmoid(to_numpy(out.presence_logits)[0]).item()
@@ -118,7 +118,7 @@ class Sam3(PretrainedBackend, Segmenter):
             floor |= resize_map(chance, *size) > _FLOOR_SCORE
         return floor
 
-    def _ask(self, features: Any, words: str) -> Any:
+    def _segment_words(self, features: Any, words: str) -> Any:
         """Run the network on a text and an encoded photo."""
 
         network = self.model()

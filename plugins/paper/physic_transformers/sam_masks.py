@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 _GIVEN = 1e9  # logit of a mask of the user's, which takes pixels of all others
 
 
-def best_rows(scores: FloatArray, threshold: float, most: int) -> NDArray[np.intp]:
-    """Return at most ``most`` rows with a score above the threshold, best first."""
+def best_rows(scores: FloatArray, threshold: float, max_rows: int) -> NDArray[np.intp]:
+    """Return at most ``max_rows`` rows with a score above the threshold, best first."""
 
     order = np.argsort(-scores, kind="stable")
-    rows: NDArray[np.intp] = order[scores[order] > threshold][:most]
+    rows: NDArray[np.intp] = order[scores[order] > threshold][:max_rows]
     return rows
 
 

@@ -82,7 +82,7 @@ def _unsupported(name: str, lens: str) -> ValueError:
     )
 
 
-def _refuse_others(name: str, keys: Iterable[str], read: Collection[str]) -> None:
+def _refuse_unread_keys(name: str, keys: Iterable[str], read: Collection[str]) -> None:
     """Raise ValueError if an entry of a file has a key that is not read: it could change the
     camera.
     """
@@ -93,10 +93,10 @@ def _refuse_others(name: str, keys: Iterable[str], read: Collection[str]) -> Non
         )
 
 
-def _add(found: dict[str, Any], name: str, entry: Any) -> None:
-    if name in found:
+def _add_once(entries: dict[str, Any], name: str, entry: Any) -> None:
+    if name in entries:
         raise ValueError(f"it has {name} twice: remove one")
-    found[name] = entry
+    entries[name] = entry
 
 
 def _pose(rotation: Any, translation: Any) -> dict[str, Any]:
@@ -142,14 +142,16 @@ def _read_toml(path: Path) -> CameraFile:
     ]
     if not cameras:
         return CameraFile(document)
-    _refuse_others("the file", document if nested else entries, ("cameras", "metadata", *cameras))
-    _refuse_others("its metadata", document.get("metadata", ()), ("adjusted", "error"))
+    _refuse_unread_keys(
+        "the file", document if nested else entries, ("cameras", "metadata", *cameras)
+    )
+    _refuse_unread_keys("its metadata", document.get("metadata", ()), ("adjusted", "error"))
     for key in cameras:
         one = entries[key]
         name = identity(one.get("name", f"cam_{key}" if nested else key), "the name of a camera")
         if boolean(one.get("ignore"), f"ignore of camera {name}"):
             continue
-        _refuse_others(f"camera {name}", one, _TOML_KEYS)
+        _refuse_unread_keys(f"camera {name}", one, _TOML_KEYS)
         if boolean(one.get("fisheye"), f"fisheye of camera {name}"):
             raise _unsupported(name, "a fisheye (AniPose's and Caliscope's `fisheye = true`)")
         table = {
@@ -158,7 +160,7 @@ def _read_toml(path: Path) -> CameraFile:
             "distortion": _coefficients(one.get("distortions")),
             **_pose(one.get("rotation"), one.get("translation")),
         }
-        _add(tables, name, table)
+        _add_once(tables, name, table)
         turns[name] = count(one.get("rotation_count", 0), f"rotation_count of camera {name}")
     return CameraFile(tables, turns)
 
@@ -177,11 +179,11 @@ def _read_easymocap(path: Path) -> CameraFile:
     entries: dict[str, str] = {}
     for key, value in _ENTRY.findall(_COMMENT.sub("", text)):
         if key != "names":  # each of the two files has it
-            _add(entries, key, value)
+            _add_once(entries, key, value)
     names = [key[2:] for key in entries if key.startswith("K_")]
     if names:
         known = {f"{kind}_{name}" for kind in _YAML_KEYS for name in names}
-        _refuse_others("the file", entries, known)
+        _refuse_unread_keys("the file", entries, known)
     sides = {key: entries.pop(key).strip() for key in [*entries] if key[:2] in ("W_", "H_")}
     numbers = {key: _read_matrix(key, value) for key, value in entries.items()}
     tables = {}
@@ -257,8 +259,8 @@ def _read_nerfstudio(path: Path) -> CameraFile:
         to_world = matrix(one["transform_matrix"], f"transform_matrix of {name}")[:3]
         R = (to_world[:, :3] * _OPENGL).T
         lens = _lens(name, model, (one["w"], one["h"]), values)
-        _refuse_others(f"camera {name}", one, _OF_NERFSTUDIO)
-        _add(tables, name, lens | _pose(R, -R @ to_world[:, 3]))
+        _refuse_unread_keys(f"camera {name}", one, _OF_NERFSTUDIO)
+        _add_once(tables, name, lens | _pose(R, -R @ to_world[:, 3]))
     return CameraFile(tables, names_are_images=True)
 
 
@@ -276,14 +278,14 @@ def _read_colmap(path: Path) -> CameraFile:
         keys = _COLMAP.get(model, "").split() or numbers
         values: dict[str, float] = dict(zip(keys, map(float, numbers), strict=True))
         values.setdefault("fy", values.get("fx", 0))
-        _add(lenses, number, _lens(number, model, (int(width), int(height)), values))
+        _add_once(lenses, number, _lens(number, model, (int(width), int(height)), values))
     tables: dict[str, Any] = {}
     lines = _read_rows(path.with_name("images.txt"))
     for line in lines:
         _, *numbers, camera, name = line.split(maxsplit=9)
         *quaternion, x, y, z = map(float, numbers)
         R = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-        _add(tables, name, lenses[camera] | _pose(R, (x, y, z)))
+        _add_once(tables, name, lenses[camera] | _pose(R, (x, y, z)))
         next(lines, None)  # its keypoints, which may be none
     return CameraFile(tables, names_are_images=True)
 

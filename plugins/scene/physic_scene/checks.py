@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.judge import CheckSpec, capped_by_contradictions, limb_keypoint_error
-from physic_scene.matching import answer_cost
+from physic_scene.matching import pairs_cost
 
 if TYPE_CHECKING:
     from physic_core.types import CheckResult, FloatArray, IntArray, Plane, Reconstruction
@@ -192,7 +192,7 @@ def _cost_of_pairs(views: Sequence[SolvedView], rows: IntArray) -> Mapping[tuple
         pairs = tuple((int(row[a]), int(row[b])) for row in rows if row[a] >= 0 and row[b] >= 0)
         if pairs:
             motion = views[b].pose.after(views[a].pose.inverse())
-            cost, _ = answer_cost(views[a].people, views[b].people, pairs, motion)
+            cost, _ = pairs_cost(views[a].people, views[b].people, pairs, motion)
             costs[a, b] = cost / len(pairs)
     return costs
 

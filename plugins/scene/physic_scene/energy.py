@@ -177,13 +177,13 @@ def with_other_views(settings: EngineSettings, views: OtherViews) -> EngineSetti
     """
     assert isinstance(settings.joint, DefaultJointStage)
 
-    def taken(part: object) -> dict[str, object]:
+    def field_values(part: object) -> dict[str, object]:
         return {field.name: getattr(part, field.name) for field in fields(part)}  # type: ignore[arg-type]
 
     keypoints = replace(settings.joint.reprojection, sigma=_KEYPOINT, outlier_sigmas=_OUTLIER)
     frozen = (*settings.joint.frozen, "scale") if views.scale_is_known else settings.joint.frozen
     joint = replace(settings.joint, reprojection=keypoints, frozen=frozen)
-    placement = ViewsPlacement(**taken(settings.placement), views=views)  # type: ignore[arg-type]
-    scene = ViewsScene(**taken(settings.scene), views=views)  # type: ignore[arg-type]
-    contact = ViewsContact(**taken(settings.contact), views=views)  # type: ignore[arg-type]
+    placement = ViewsPlacement(**field_values(settings.placement), views=views)  # type: ignore[arg-type]
+    scene = ViewsScene(**field_values(settings.scene), views=views)  # type: ignore[arg-type]
+    contact = ViewsContact(**field_values(settings.contact), views=views)  # type: ignore[arg-type]
     return replace(settings, scene=scene, placement=placement, joint=joint, contact=contact)

@@ -80,18 +80,18 @@ class PairMatch:
 def match_pair(one: PhotoPeople, two: PhotoPeople) -> PairMatch:
     """Match the people of two photos."""
     pose, turns = compare_poses(one, two)
-    clothes = _clothes_cost(one, two)
+    clothes = _clothing_cost(one, two)
     costs: dict[Pairs, tuple[float, CameraPose]] = {}
-    for pairs in dict.fromkeys(_answers(one, two, pose, turns, clothes)):
-        cost, motion = answer_cost(one, two, pairs, relative_motion(one, two, pairs))
+    for pairs in dict.fromkeys(_candidate_answers(one, two, pose, turns, clothes)):
+        cost, motion = pairs_cost(one, two, pairs, relative_motion(one, two, pairs))
         costs[pairs] = _WORTH * len(pairs) - cost, motion
     best = max(costs, key=lambda pairs: costs[pairs][0])
     return PairMatch(
-        best, *costs[best], _odds({p: score for p, (score, _) in costs.items()}, pose.shape)
+        best, *costs[best], _pair_odds({p: score for p, (score, _) in costs.items()}, pose.shape)
     )
 
 
-def answer_cost(
+def pairs_cost(
     one: PhotoPeople, two: PhotoPeople, pairs: Pairs, motion: CameraPose
 ) -> tuple[float, CameraPose]:
     """Return what an answer costs, half of the energy of its people and their clothes, and its
@@ -101,13 +101,13 @@ def answer_cost(
     state = adjust(
         observations, Bundle.start(observations, [CameraPose.identity(), motion]), 0, _QUICK
     )
-    clothes = _clothes_cost(one, two)
+    clothes = _clothing_cost(one, two)
     return energy(observations, state, 0, _QUICK) / 2 + float(
         sum(clothes[pair] for pair in pairs)
     ), state.pose(1)
 
 
-def _clothes_cost(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
+def _clothing_cost(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
     """Return the cost (N, M) of the mean difference of the chroma of clothes, CIELAB; 0 where no
     part is seen in both photos.
     """
@@ -119,7 +119,7 @@ def _clothes_cost(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
     return cost
 
 
-def _odds(scores: Mapping[Pairs, float], shape: tuple[int, ...]) -> FloatArray:
+def _pair_odds(scores: Mapping[Pairs, float], shape: tuple[int, ...]) -> FloatArray:
     """Return the best score with each pair of people, less the best one without; of the worst
     answer for no answer.
     """
@@ -133,7 +133,7 @@ def _odds(scores: Mapping[Pairs, float], shape: tuple[int, ...]) -> FloatArray:
     return odds
 
 
-def _answers(
+def _candidate_answers(
     one: PhotoPeople, two: PhotoPeople, pose: FloatArray, turns: FloatArray, clothes: FloatArray
 ) -> Iterator[Pairs]:
     """Yield answers: each guess by itself, and with the people whom its motion brings together."""

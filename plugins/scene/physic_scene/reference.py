@@ -99,7 +99,7 @@ class ReferenceInput(ShortRepr):
         ]
         ages = np.array([_first((one.age for one in own), np.nan) for own in shown_by])
         sources = [_first((one.body_source for one in own), "") for own in shown_by]
-        parameters = _joined([person.parameters for person in people])
+        parameters = _joined_parameters([person.parameters for person in people])
         shown = np.array([v in person.row_by_photo for person in people])
         # What the other photos show of each person is in their views.
         observed = _joints_in_photo(_keypoints(people, photos, v), result.image.shape[:2])
@@ -111,7 +111,7 @@ class ReferenceInput(ShortRepr):
             scores=np.array([max(one.score for one in own) for own in shown_by]),
             depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(photos)} photos",)),
             views=tuple(_view(solved, people, w) for w in range(len(photos)) if w != v),
-            alone=_of_single_photos(solved, people, model),
+            alone=_results_of_single_photos(solved, people, model),
             statures=np.array([one.stature for one in people]),
             ages=ages if np.isfinite(ages).any() else None,
             body_sources=tuple(sources),
@@ -159,48 +159,55 @@ def _first(values: Iterable[_Value | None], default: _Value) -> _Value:
     return next(filter(None, values), default)
 
 
-def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
+def solve_reference(reference_input: ReferenceInput, config: Config) -> Reconstruction:
     """Run the pipeline on the reference photo, with the bodies and the depth of all photos.
 
     Args:
-        given: what all photos show.
+        reference_input: what all photos show.
         config: of the single photos; its table ``[photo]`` was used there, and is not used again.
     """
     plain = config.model_copy(update={"photo": type(config.photo)()})
-    own_bodies = select_people(given.bodies, np.arange(len(given.result.people)))
-    depth = given.depth
-    inside = find_frame(given.result.image).inside
+    own_bodies = select_people(
+        reference_input.bodies, np.arange(len(reference_input.result.people))
+    )
+    depth = reference_input.depth
+    inside = find_frame(reference_input.result.image).inside
     if inside:  # the pipeline cuts the border off this photo
-        camera = cut_camera(given.camera, given.result.image.shape[:2], inside)
+        camera = cut_camera(reference_input.camera, reference_input.result.image.shape[:2], inside)
         depth = replace(depth, depth=depth.depth[inside], intrinsics=camera)
     backends = {
         "body_estimator": SolvedBodies.of(own_bodies),
         "metric_depth": SolvedDepth.of(depth),
     }
     plan = resolve(plain, backends)
-    own = replace(plan, given_engine=with_other_views(plan.engine, given.alone))
+    own = replace(plan, given_engine=with_other_views(plan.engine, reference_input.alone))
     prompt = None
     if config.photo.person or config.photo.box:
-        prompt = PeoplePrompt(masks=np.stack([person.mask for person in given.result.people]))
+        prompt = PeoplePrompt(
+            masks=np.stack([person.mask for person in reference_input.result.people])
+        )
     with Pipeline(own) as pipeline:
         result = pipeline(
-            given.result.image, intrinsics=given.camera, people=prompt, complete=given.complete
+            reference_input.result.image,
+            intrinsics=reference_input.camera,
+            people=prompt,
+            complete=reference_input.complete,
         )
-    ages = () if given.ages is None else given.ages
+    ages = () if reference_input.ages is None else reference_input.ages
     notes = (
         f"person {i} is a child of {years:g} years"
         for i, years in enumerate(ages)
         if years < ADULT_YEARS
     )
     # The pipeline takes a given camera for a known one.
-    camera = replace(result.intrinsics, trust=given.camera.trust)
-    people = zip(result.people, given.body_sources, strict=True)
+    camera = replace(result.intrinsics, trust=reference_input.camera.trust)
+    people = zip(result.people, reference_input.body_sources, strict=True)
     return replace(
         result,
         people=tuple(replace(person, body_source=source) for person, source in people),
         intrinsics=camera,
-        photo=given.result.photo,
-        lens=given.result.lens,
+        photo=reference_input.result.photo,
+        lens=reference_input.result.lens,
         notes=(*result.notes, *notes),
     )
 
@@ -219,7 +226,7 @@ def scene_scales(solved: SolvedScene) -> FloatArray:
     return factors
 
 
-def _shown_elsewhere(person: PersonOfScene, solved: SolvedScene) -> bool:
+def _is_visible_in_other_photo(person: PersonOfScene, solved: SolvedScene) -> bool:
     """Return whether other photos than the reference determine the place of a person."""
     return set(person.row_by_photo) != {solved.reference}
 
@@ -294,7 +301,7 @@ def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> Ot
     )
 
 
-def _joined(parts: Sequence[BodyParameters]) -> BodyParameters:
+def _joined_parameters(parts: Sequence[BodyParameters]) -> BodyParameters:
     """Return the parameters of all people in one batch."""
     return BodyParameters(
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
@@ -328,7 +335,7 @@ def _joints_in_photo(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
     return np.ones((len(keypoints.points), NUM_JOINTS), bool) if observed is None else observed
 
 
-def _of_single_photos(
+def _results_of_single_photos(
     solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel
 ) -> OtherViews:
     """Return the results of the single photos on all people of the result and on the floor.
@@ -337,7 +344,7 @@ def _of_single_photos(
     for a person whom only the reference photo shows, and if the single photos have no
     probabilities.
     """
-    placed = [_shown_elsewhere(person, solved) for person in people]
+    placed = [_is_visible_in_other_photo(person, solved) for person in people]
     contact = torch.zeros(len(people), model.num_vertices, dtype=torch.float64)
     count = torch.zeros(len(people), dtype=torch.float64)
     for i in np.flatnonzero(placed).tolist():

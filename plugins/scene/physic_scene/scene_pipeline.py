@@ -84,7 +84,8 @@ class ScenePipeline:
             known: sizes that are known in the first photo; its statures give the scale of the
                 scene. One age or stature is that of all people of all photos; several statures are
                 those of the people of the first photo from left to right. For people of several
-                ages, use :meth:`alone` with those of each photo, and :meth:`join`.
+                ages, use :meth:`reconstruct_photo` with those of each photo, and
+                :meth:`join_photos`.
             settings: of each photo, other values in the table ``[photo]`` of the config, such as
                 files of ``bodies`` and ``masks``.
             progress: called when each stage begins.
@@ -113,7 +114,7 @@ class ScenePipeline:
         calibrated = [None] * len(photos) if cameras is None else list(cameras)
         own = [{}] * len(photos) if settings is None else settings
         results = [
-            self.alone(
+            self.reconstruct_photo(
                 photo,
                 camera=camera,
                 known=(others if i else known) or None,
@@ -123,9 +124,11 @@ class ScenePipeline:
             for i, (photo, camera) in enumerate(zip(photos, calibrated, strict=True))
         ]
         poses = [None if camera is None else camera.pose for camera in calibrated]
-        return self.join(results, names, statures=known.stature, poses=poses, progress=progress)
+        return self.join_photos(
+            results, names, statures=known.stature, poses=poses, progress=progress
+        )
 
-    def alone(
+    def reconstruct_photo(
         self,
         photo: PhotoSource,
         *,
@@ -134,7 +137,7 @@ class ScenePipeline:
         settings: Mapping[str, Any] | None = None,
         progress: Progress | None = None,
     ) -> Reconstruction | None:
-        """Reconstruct a single photo, for :meth:`join`; other arguments are those of
+        """Reconstruct a single photo, for :meth:`join_photos`; other arguments are those of
         :class:`physic_core.Pipeline`.
 
         Args:
@@ -162,7 +165,7 @@ class ScenePipeline:
         except NoPersonError:
             return None
 
-    def join(
+    def join_photos(
         self,
         results: Sequence[Reconstruction | None],
         names: Sequence[str] | None = None,

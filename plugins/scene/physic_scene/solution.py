@@ -119,11 +119,11 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
             )
             chosen = replace(chosen, rows=np.delete(chosen.rows, worst, axis=0))
         else:
-            return _solution(chosen, moved, adjusted, model)
+            return _solved_scene(chosen, moved, adjusted, model)
 
 
 @dataclass(frozen=True)
-class _Adjusted:
+class _Adjustment:
     """Cameras and points of the people assumed to hold still, and the errors (V, P) of their
     keypoints.
     """
@@ -134,13 +134,13 @@ class _Adjusted:
     errors: FloatArray
 
 
-def _solution(
-    chosen: ChosenPhotos, moved: Sequence[str], found: _Adjusted, model: BodyModel
+def _solved_scene(
+    chosen: ChosenPhotos, moved_people: Sequence[str], adjustment: _Adjustment, model: BodyModel
 ) -> SolvedScene:
     """Return the solution at the scale of people's sizes, with one body for each person."""
-    sigmas = camera_sigmas(found.observations, found.bundle, found.reference)
-    scale, scale_sigma = _scale(found.observations, found.bundle)
-    bundle = found.bundle.scaled(scale)
+    sigmas = camera_sigmas(adjustment.observations, adjustment.bundle, adjustment.reference)
+    scale, scale_sigma = _scale_by_sizes(adjustment.observations, adjustment.bundle)
+    bundle = adjustment.bundle.scaled(scale)
     photos = chosen.photos
     rows = chosen.rows
     people = [photo.people for photo in photos]
@@ -152,13 +152,13 @@ def _solution(
             np.mean([people[v].stature[row[v]] for v in np.flatnonzero(row >= 0)]) for row in rows
         ]
         sizes = np.where(np.isfinite(statures), statures, factor * alone)
-    own = np.arange(len(photos)) == found.reference
+    own = np.arange(len(photos)) == adjustment.reference
     return SolvedScene(
         photos=photos,
         left_out=chosen.left_out,
-        reference=found.reference,
+        reference=adjustment.reference,
         rows=rows,
-        moved=tuple(moved),
+        moved=tuple(moved_people),
         observations=observations,
         bundle=bundle,
         intrinsics=tuple(
@@ -170,7 +170,7 @@ def _solution(
         rotation_sigma=np.where(own, 0.0, sigmas[:, 0]),
         position_sigma=np.where(own, 0.0, sigmas[:, 1]),
         bodies=mean_bodies(people, rows, observations, bundle, model, sizes),
-        errors=found.errors,
+        errors=adjustment.errors,
         statures=statures,
         scale_sigma=scale_sigma,
     )
@@ -184,18 +184,18 @@ def _with_focal(camera: Intrinsics, factor: float, sigma: float) -> Intrinsics:
     return replace(solved, source="solved from several photos", trust=CameraTrust.ESTIMATED)
 
 
-def _adjust(chosen: ChosenPhotos) -> _Adjusted:
+def _adjust(chosen: ChosenPhotos) -> _Adjustment:
     rows = chosen.rows
     people = [photo.people for photo in chosen.photos]
     reference = reference_photo(rows, people)
     poses = start_poses(chosen, reference)
-    observations = _sized(MomentObservations.of(people, rows), people, rows, poses)
+    observations = _with_known_sizes(MomentObservations.of(people, rows), people, rows, poses)
     settings = KNOWN_CAMERAS if observations.camera_is_known.any() else SOLVED_CAMERAS
     bundle = adjust(observations, Bundle.start(observations, poses), reference, settings)
-    return _Adjusted(reference, observations, bundle, keypoint_errors(observations, bundle))
+    return _Adjustment(reference, observations, bundle, keypoint_errors(observations, bundle))
 
 
-def _scale(observations: MomentObservations, bundle: Bundle) -> tuple[float, float]:
+def _scale_by_sizes(observations: MomentObservations, bundle: Bundle) -> tuple[float, float]:
     """Return the factor on all lengths by the sizes of people, and the standard deviation of its
     logarithm.
 
@@ -302,7 +302,7 @@ def known_statures(people: Sequence[PhotoPeople], rows: IntArray) -> FloatArray:
     return known
 
 
-def _sized(
+def _with_known_sizes(
     observations: MomentObservations,
     people: Sequence[PhotoPeople],
     rows: IntArray,

@@ -42,11 +42,14 @@ def ages_of(world):
 
 @pytest.fixture(scope="module")
 def alone(solver, worlds):
-    return [solver.alone(world.image, known=KnownSizes(age=ages_of(world))) for world in worlds]
+    return [
+        solver.reconstruct_photo(world.image, known=KnownSizes(age=ages_of(world)))
+        for world in worlds
+    ]
 
 
 def test_the_age_of_a_person_in_each_photo_is_that_of_the_result(solver, alone):
-    found = solver.join(alone)
+    found = solver.join_photos(alone)
     child, other = sorted(found.reconstruction.people, key=lambda person: person.age != YEARS)
     assert (child.age, other.age) == (YEARS, None)
     model = load_body("embedded")
@@ -63,4 +66,4 @@ def test_several_ages_are_those_of_one_photo(solver, worlds):
 
 def test_statures_of_a_photo_that_is_left_out_are_refused(solver, alone):
     with pytest.raises(InputError, match="of the first photo, but photo 1 is skipped"):
-        solver.join([None, *alone], statures=(1.8, 0.0))
+        solver.join_photos([None, *alone], statures=(1.8, 0.0))

@@ -50,12 +50,12 @@ def worlds():
 @pytest.fixture(scope="module")
 def alone(solver, worlds):
     """Return the result of each photo alone."""
-    return [solver.alone(world.image) for world in worlds]
+    return [solver.reconstruct_photo(world.image) for world in worlds]
 
 
 @pytest.fixture(scope="module")
 def solved(solver, alone):
-    return solver.join(alone, NAMES)
+    return solver.join_photos(alone, NAMES)
 
 
 def camera_errors(photo, worlds, reference):
@@ -85,7 +85,7 @@ def test_three_photos_give_their_cameras_and_a_check_of_each(solved, worlds):
 
 @pytest.mark.parametrize("statures", [(1.65, 0.0), (1.65,)])
 def test_a_known_stature_is_that_of_the_result(solver, alone, statures):
-    result = solver.join(alone, NAMES, statures=statures).reconstruction
+    result = solver.join_photos(alone, NAMES, statures=statures).reconstruction
     people = sorted(result.people, key=lambda person: person.box[0] + person.box[2])
     betas = torch.tensor(np.concatenate([person.parameters.betas for person in people]))
     found = load_body("embedded").stature(betas).tolist()
@@ -111,7 +111,7 @@ def poses(worlds):
 @pytest.mark.parametrize("known", [(0, 1, 2), (0, 2)])
 def test_known_cameras_stay_and_give_the_scale(solver, alone, worlds, poses, known):
     given = [pose if v in known else None for v, pose in enumerate(poses)]
-    found = solver.join(alone, NAMES, poses=given)
+    found = solver.join_photos(alone, NAMES, poses=given)
     assert found.reference in known
     for photo in found.photos:
         most = (1e-3, 0.05) if photo.index in known else (0.5, 10)
@@ -127,11 +127,11 @@ def test_known_cameras_stay_and_give_the_scale(solver, alone, worlds, poses, kno
 def test_known_cameras_in_another_unit_are_refused(solver, alone, poses):
     centimetres = [np.vstack([pose[:3] * [1, 1, 1, 100], pose[3]]) for pose in poses]
     with pytest.raises(InputError, match=r"not in meters.*camera-unit"):
-        solver.join(alone, poses=centimetres)
+        solver.join_photos(alone, poses=centimetres)
 
 
 def test_photos_that_do_not_belong_are_left_out_with_their_reasons(solver, alone):
-    other = solver.alone(load_world("squat", SIZE).image)
+    other = solver.reconstruct_photo(load_world("squat", SIZE).image)
     empty = replace(alone[2], people=())
     reasons = {
         "none.png": "no people",
@@ -139,7 +139,7 @@ def test_photos_that_do_not_belong_are_left_out_with_their_reasons(solver, alone
         "empty.png": "no people",
         "other.png": "does not fit",
     }
-    found = solver.join([*alone, None, alone[0], empty, other], [*NAMES, *reasons])
+    found = solver.join_photos([*alone, None, alone[0], empty, other], [*NAMES, *reasons])
     assert {one.photo: one.reason for one in found.left_out} == reasons
     assert {one.message for one in found.left_out} <= set(found.reconstruction.warnings)
     assert [photo.name for photo in found.photos] == NAMES
@@ -162,8 +162,10 @@ def stepped_aside(result, metres):
 
 
 def test_a_person_who_moved_is_named_and_is_in_the_reference_alone(solver):
-    *others, third = (solver.alone(load_world(f"group_view{i}", SIZE).image) for i in (1, 2, 3))
-    found = solver.join([*others, stepped_aside(third, 0.8)], NAMES)
+    *others, third = (
+        solver.reconstruct_photo(load_world(f"group_view{i}", SIZE).image) for i in (1, 2, 3)
+    )
+    found = solver.join_photos([*others, stepped_aside(third, 0.8)], NAMES)
     (note,) = (note for note in found.reconstruction.notes if "moved" in note)
     assert "a.png" in note
     assert "c.png" in note  # one is not found in b.png
@@ -176,9 +178,9 @@ def test_photos_without_a_common_person_are_refused_or_bad(solver, alone):
     """One who kneels may fit one who stands within the errors of keypoints; then a check says that
     they are unlike.
     """
-    other = solver.alone(load_world("kneel", SIZE).image)
+    other = solver.reconstruct_photo(load_world("kneel", SIZE).image)
     try:
-        found = solver.join([alone[0], other], ["a.png", "other.png"]).reconstruction
+        found = solver.join_photos([alone[0], other], ["a.png", "other.png"]).reconstruction
     except InputError as error:
         assert "no person of a.png can be where other.png shows one" in str(error)  # noqa: PT017
     else:
@@ -198,7 +200,7 @@ def test_photos_without_a_common_person_are_refused_or_bad(solver, alone):
 def test_two_to_eight_different_photos_with_people_are_needed(solver, alone, rows, error, words):
     photos = [None if row is None else alone[row] for row in rows]
     with pytest.raises(error, match=words):
-        solver.join(photos, len(rows) * ["a.png"])
+        solver.join_photos(photos, len(rows) * ["a.png"])
 
 
 def test_another_energy_is_refused():

@@ -30,7 +30,7 @@ def found():
     )
     worlds = [load_world(f"group_view{i}", (240, 180)) for i in (1, 2, 3)]
     with ScenePipeline(config) as scene:
-        return scene.join([scene.alone(world.image) for world in worlds], NAMES)
+        return scene.join_photos([scene.reconstruct_photo(world.image) for world in worlds], NAMES)
 
 
 @pytest.fixture(scope="module")

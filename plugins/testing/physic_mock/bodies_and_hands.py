@@ -120,7 +120,7 @@ class MockBodyEstimator(interfaces.BodyEstimator):
         truth = world.parameters
         placed = _noisy_translations(noise, options, rng, intrinsics)
         posed = np.stack([_noisy_pose(noise, i) for i in range(len(placed))])
-        wrong = noise.happens("wrong visibility", rng.random(world.joints_visible.shape))
+        wrong = noise.draw_is_below("wrong visibility", rng.random(world.joints_visible.shape))
         parameters = replace(
             truth,
             global_orient=posed[:, 0],
@@ -196,7 +196,7 @@ def _noisy_pose(noise: Noise, person: int) -> FloatArray:
     ]
     for joint, child in _SEGMENTS:
         share = "flipped forearms" if "elbow" in joint else "flipped segments"
-        if noise.happens(share, rng_of_fare.random(1))[0]:
+        if noise.draw_is_below(share, rng_of_fare.random(1))[0]:
             j = JOINT_INDEX[joint]
             bone = (joints[JOINT_INDEX[child]] - joints[j]).astype(np.float64)
             rotations[j] = _depth_flip(bone, sight[2]) * rotations[j]
@@ -377,5 +377,5 @@ class MockHandEstimator(interfaces.HandEstimator):
         turned = Rotation.from_rotvec(both.reshape(-1, 3)) * Rotation.from_rotvec(error)
         rotvecs = turned.as_rotvec().reshape(-1, 2, 15, 3).astype(np.float32)
         is_visible = recognised.world.joints_visible[:, list(_WRISTS)]
-        is_visible = is_visible & ~noise.happens("missed hands", rng.random(is_visible.shape))
+        is_visible = is_visible & ~noise.draw_is_below("missed hands", rng.random(is_visible.shape))
         return Hands(rotvecs=rotvecs[rows], confidence=np.where(is_visible, 0.9, 0.0)[rows])

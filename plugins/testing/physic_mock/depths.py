@@ -72,7 +72,9 @@ class MockMetricDepth(interfaces.MetricDepth):
         noise = Noise(world, options)
         camera = hints.intrinsics or _camera(noise)
         depth = _noisy_depth(recognised, hints, noise)
-        depth = _bent(depth, _drawn_offset(depth, noise), world.empty_floor_mask)
+        depth = _with_inverse_depth_offset(
+            depth, _random_offset(depth, noise), world.empty_floor_mask
+        )
         if hints.bodies is not None and hints.people is not None:
             sized = _distance_error(recognised, hints)
         else:
@@ -152,13 +154,13 @@ class MockRelativePointmap(interfaces.RelativePointmap):
             unknown=options.unknown,
             intrinsics=camera,
             notes=(f"mock: true points in an unknown unit{options.note_on_errors}",),
-            up=None if options.up_sigma is None else _drawn_up(noise),
+            up=None if options.up_sigma is None else _noisy_up(noise),
             up_sigma=options.up_sigma,
             up_source="" if options.up_sigma is None else "mock",
         )
 
 
-def _drawn_up(noise: Noise) -> FloatArray:
+def _noisy_up(noise: Noise) -> FloatArray:
     """Return the normal of the floor, turned by a drawn angle about each of two axes across it."""
     normal = np.asarray(noise.world.floor.normal, np.float64)
     across = np.linalg.svd(normal[None])[2][1:]
@@ -251,7 +253,7 @@ def _scale_and_shift(
         return scale, 0.0
     if options.shift is not None:
         return scale, options.shift
-    return scale, _drawn_offset(depth, noise) if options.unknown == "inverse_scale_shift" else 0.0
+    return scale, _random_offset(depth, noise) if options.unknown == "inverse_scale_shift" else 0.0
 
 
 def _image_kind(recognised: RecognisedWorld) -> str:
@@ -275,7 +277,7 @@ def _visible_depth(recognised: RecognisedWorld, hints: Hints, noise: Noise) -> F
         return np.where(hole, 1 / inverse, depth)
 
 
-def _drawn_offset(depth: FloatArray, noise: Noise) -> float:
+def _random_offset(depth: FloatArray, noise: Noise) -> float:
     """Return the offset of inverse depth, 1 / metres: a share of the inverse depth of the farthest
     surfaces.
 
@@ -286,7 +288,7 @@ def _drawn_offset(depth: FloatArray, noise: Noise) -> float:
     return share / float(np.quantile(depth[np.isfinite(depth)], _FAR))
 
 
-def _bent(depth: FloatArray, offset: float, floor: BoolArray) -> FloatArray:
+def _with_inverse_depth_offset(depth: FloatArray, offset: float, floor: BoolArray) -> FloatArray:
     """Return the depth map after an offset of inverse depth, unchanged at the median depth of the
     floor.
     """

@@ -43,8 +43,8 @@ def _fill(values: FloatArray, weight: FloatArray) -> FloatArray:
     if min(weight.shape[:2]) <= _SMALLEST:
         mean = (values * weight).sum((0, 1)) / weight.sum()
         return np.where(weight > 0, values, mean)
-    coarse_weight = _summed_2x2(weight)
-    coarse = _summed_2x2(values * weight) / np.maximum(coarse_weight, 1e-12)
+    coarse_weight = _sum_2x2(weight)
+    coarse = _sum_2x2(values * weight) / np.maximum(coarse_weight, 1e-12)
     finer = np.repeat(np.repeat(_fill(coarse, (coarse_weight > 0).astype(np.float64)), 2, 0), 2, 1)
     filled = np.where(weight > 0, values, finer[: values.shape[0], : values.shape[1]])
     for _ in range(_SWEEPS):
@@ -54,7 +54,7 @@ def _fill(values: FloatArray, weight: FloatArray) -> FloatArray:
     return filled
 
 
-def _summed_2x2(values: FloatArray) -> FloatArray:
+def _sum_2x2(values: FloatArray) -> FloatArray:
     """Return the sums (H / 2, W / 2, C) of 2 x 2 pixels, rounded up."""
     even = np.pad(values, ((0, values.shape[0] % 2), (0, values.shape[1] % 2), (0, 0)))
     halved: FloatArray = even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2]

@@ -74,11 +74,11 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         points = truth + sigma[..., None] * _limb_errors(rng.normal(size=truth.shape), noise, names)
         sure = rng.uniform(0.85, 0.98, visible.shape)
         unsure = rng.uniform(0.5, 1.5, visible.shape)
-        missed = noise.happens("unsure", noise.rng("unsure keypoints").random(visible.shape))
-        bold = noise.happens("overconfident", rng.random(visible.shape))
+        missed = noise.draw_is_below("unsure", noise.rng("unsure keypoints").random(visible.shape))
+        bold = noise.draw_is_below("overconfident", rng.random(visible.shape))
         looks_sure = np.where(visible, ~missed, bold)
         confidence = np.where(looks_sure, sure, np.minimum(unsure * HIDDEN_CONFIDENCE, 1.0))
-        swaps = noise.happens("swapped sides", rng.random((len(truth), 2)))
+        swaps = noise.draw_is_below("swapped sides", rng.random((len(truth), 2)))
         for person, k in np.argwhere(swaps):
             order = _swap_sides_order(names, (_ARM, _LEG)[k])
             points[person] = points[person, order]
@@ -107,7 +107,7 @@ def _with_neighbours_limbs(points: FloatArray, noise: Noise, names: tuple[str, .
     limbs = sorted({_limb_of(name) for name in names} - {"rest"})
     limb = np.array([_limb_of(name) for name in names])
     draws = noise.rng("limbs of neighbours").random((len(points), len(limbs)))
-    taken = noise.happens("limbs of neighbours", draws)
+    taken = noise.draw_is_below("limbs of neighbours", draws)
     overlap = box_iou(noise.world.boxes, noise.world.boxes)
     np.fill_diagonal(overlap, 0)
     changed: FloatArray = points.copy()

@@ -117,7 +117,7 @@ class Noise:
         factors: FloatArray = np.exp(self.factor * sigma * ramp * image)
         return factors
 
-    def happens(self, share: str | float, draws: FloatArray) -> BoolArray:
+    def draw_is_below(self, share: str | float, draws: FloatArray) -> BoolArray:
         """Return which uniform draws (...) are below a share, or one of SHARES, times the noise."""
         least = SHARES[share] if isinstance(share, str) else share
         below: BoolArray = draws < min(1.0, least * self.factor)

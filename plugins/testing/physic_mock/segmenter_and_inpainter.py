@@ -77,7 +77,7 @@ def _found_people(
     """Return the people that are present and not missed."""
     present = np.flatnonzero(recognised.present_people).tolist()
     draws = noise.rng("missed people").random(len(recognised.present_people))
-    missed = noise.happens(options.missed_people, draws)
+    missed = noise.draw_is_below(options.missed_people, draws)
     sizes = recognised.world.masks.sum((1, 2))
     largest = max(present, key=lambda i: sizes[i], default=None)
     return [i for i in present if i == largest or not missed[i]]
@@ -92,7 +92,7 @@ def _person_mask(noise: Noise, person: int) -> BoolArray:
     x0, y0, x1, y1 = world.boxes[person]
     rough = noise.rough_border(world.masks[person], rng)
     mask = _without_limb_ends(rough, noise, person, rng)
-    strays = noise.happens("strays", rng.random(1))[0]
+    strays = noise.draw_is_below("strays", rng.random(1))[0]
     radius = max(x1 - x0, y1 - y0) * rng.uniform(0.03, 0.07)
     pick = rng.random()
     return mask | _disc_on_border(mask, radius, pick) if strays else mask
@@ -103,15 +103,15 @@ def _floor_mask(recognised: RecognisedWorld, noise: Noise) -> BoolArray | None:
     missed.
     """
     rng = noise.rng("floor mask")
-    if noise.happens("missed floors", rng.random(1))[0]:
+    if noise.draw_is_below("missed floors", rng.random(1))[0]:
         return None
     visible_floor = recognised.world.empty_floor_mask & ~recognised.people_pixels
     rough = noise.rough_border(visible_floor, rng)
-    happens = noise.happens("spills", rng.random((2, 8)))
+    draw_is_below = noise.draw_is_below("spills", rng.random((2, 8)))
     picks = rng.random((2, 8))
     radii = scale_to_image(1.0, visible_floor.shape) * rng.uniform(8, 30, (2, 8))
     for takes_in in (1, 0):
-        for i in np.flatnonzero(happens[takes_in]):
+        for i in np.flatnonzero(draw_is_below[takes_in]):
             bit = _disc_on_border(visible_floor, radii[takes_in, i], picks[takes_in, i])
             rough = rough | bit if takes_in else rough & ~bit
     return rough & ~recognised.people_pixels
@@ -136,7 +136,7 @@ def _without_limb_ends(
     mask: BoolArray, noise: Noise, person: int, rng: np.random.Generator
 ) -> BoolArray:
     """Return the mask (H, W) of a person without some hands and feet."""
-    missed = noise.happens("missed ends", rng.random(len(_LIMB_ENDS)))
+    missed = noise.draw_is_below("missed ends", rng.random(len(_LIMB_ENDS)))
     if not missed.any():
         return mask
     rows, columns = np.nonzero(mask)

@@ -151,7 +151,7 @@ def people_of(request: ExportRequest) -> list[ExportedPerson]:
         heels = {
             side: float(vertices[part == JOINT_INDEX[f"{side}_ankle"], 2].min()) for side in SIDES
         }
-        touching = _touching_floor(person, heels)
+        touching = _feet_on_floor(person, heels)
         on_floor = tuple(side for side in touching if heels[side] < SOLE_REACH_M)
         carrying = feet_that_carry(person)
         falls = "" if carrying else _why_falling(person)
@@ -168,8 +168,8 @@ def people_of(request: ExportRequest) -> list[ExportedPerson]:
         plain = ExportedPerson(index, rig, vertices, feet, on_floor, unsteady, falls)
         if feet:
             lowest = float(vertices[:, 2].min())
-            plain = _set_down(plain, 0.0 if abs(lowest) < FLAT_M else lowest)
-        people.append(balanced(plain) if feet and not request.options["keep_lean"] else plain)
+            plain = _moved_to_height(plain, 0.0 if abs(lowest) < FLAT_M else lowest)
+        people.append(balance_person(plain) if feet and not request.options["keep_lean"] else plain)
     return people
 
 
@@ -199,7 +199,7 @@ def _why_falling(person: Person) -> str:
     return "" if person.support.state is SupportState.BALANCED else str(person.support)
 
 
-def _touching_floor(person: Person, heels: dict[str, float]) -> tuple[str, ...]:
+def _feet_on_floor(person: Person, heels: dict[str, float]) -> tuple[str, ...]:
     """Return the sides of the feet that touch the floor, or the scene where it counts as the floor
     (FLOOR_M), by the height of the lowest skin of heel and instep, metres.
     """
@@ -212,7 +212,7 @@ def _touching_floor(person: Person, heels: dict[str, float]) -> tuple[str, ...]:
     return tuple(sides)
 
 
-def balanced(person: ExportedPerson) -> ExportedPerson:
+def balance_person(person: ExportedPerson) -> ExportedPerson:
     """Return a person turned about the ankles until the centre of mass is INSIDE_M inside the
     soles.
 
@@ -232,11 +232,11 @@ def balanced(person: ExportedPerson) -> ExportedPerson:
     if inside >= INSIDE_M:
         return replace(person, turned_deg=0.0, inside_m=inside)
     for _ in range(_STEPS):
-        aim = _aim(edges, centre)
+        aim = _balance_point(edges, centre)
         if np.linalg.norm(centre[:2] - aim) < _NEAR_M:
             break
-        rig = _turned(turned.rig, centre, aim, person.carrying_feet)
-        turned = _set_down(replace(turned, rig=rig, vertices=rig.posed_vertices()), height)
+        rig = _turned_about_ankles(turned.rig, centre, aim, person.carrying_feet)
+        turned = _moved_to_height(replace(turned, rig=rig, vertices=rig.posed_vertices()), height)
         edges, centre = _sole_edges(turned)
     change = rotmat_to_rotvec(turned.rig.rotations[0] @ person.rig.rotations[0].T)
     angle = float(np.rad2deg(np.linalg.norm(change)))
@@ -245,7 +245,9 @@ def balanced(person: ExportedPerson) -> ExportedPerson:
     return replace(turned, turned_deg=angle, inside_m=_distance_inside(edges, centre))
 
 
-def _turned(rig: Rig, centre: Float64Array, aim: Float64Array, feet: Sequence[str]) -> Rig:
+def _turned_about_ankles(
+    rig: Rig, centre: Float64Array, aim: Float64Array, feet: Sequence[str]
+) -> Rig:
     """Return a rig whose centre of mass (3,) is turned about the ankles towards the vertical over a
     point (2,).
     """
@@ -266,7 +268,7 @@ def _turned(rig: Rig, centre: Float64Array, aim: Float64Array, feet: Sequence[st
     return replace(rig, rotations=rotations, offsets=offsets)
 
 
-def _set_down(person: ExportedPerson, height: float) -> ExportedPerson:
+def _moved_to_height(person: ExportedPerson, height: float) -> ExportedPerson:
     """Return a person moved along z, with the lowest vertex at a height."""
     move = np.array([0.0, 0.0, height - person.vertices[:, 2].min()])
     offsets = person.rig.offsets.copy()
@@ -301,7 +303,7 @@ def _distance_inside(edges: Float64Array, centre: Float64Array) -> float:
     return float(-(edges[:, :2] @ centre[:2] + edges[:, 2]).max())
 
 
-def _aim(edges: Float64Array, centre: Float64Array) -> Float64Array:
+def _balance_point(edges: Float64Array, centre: Float64Array) -> Float64Array:
     """Return the point (2,) nearest to a centre (3,) that is INSIDE_M inside the edges, or as far
     as they allow.
     """

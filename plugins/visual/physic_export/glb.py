@@ -60,7 +60,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     if options["rest_pose"]:
         stored = {index: at_rest(rig, up) for index, rig in skins.items()}
 
-    glb = build_glb(request, stored, partial(_body_look, colors))
+    glb = build_glb(request, stored, partial(_body_appearance, colors))
     if skins:
         joints = [skin["joints"] for skin in glb.tree["skins"]]
         keys = [
@@ -81,7 +81,9 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     return ExportedFiles(files, (*colors.notes, *glb_notes(request, skins)))
 
 
-def _body_look(colors: Skins, glb: GlbBuilder, index: int, request: ExportRequest) -> Appearance:
+def _body_appearance(
+    colors: Skins, glb: GlbBuilder, index: int, request: ExportRequest
+) -> Appearance:
     """Return the materials of a person, as variants, and their texture coordinates."""
     mesh = colors.mesh
     if mesh is None:

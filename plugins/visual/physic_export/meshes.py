@@ -280,7 +280,7 @@ def _append_object(
     material: str,
     uv: Float64Array,
     corners: Int64Array | None,
-    at: tuple[int, int],
+    next_indices: tuple[int, int],
 ) -> tuple[int, int]:
     """Write an object; return the numbers of the next vertex and of the next texture coordinate.
 
@@ -290,14 +290,14 @@ def _append_object(
         material: name.
         uv: (U, 2), v up.
         corners: (F, 3) indices into ``uv``, or None.
-        at: numbers of the first vertex and of the first texture coordinate.
+        next_indices: numbers of the first vertex and of the first texture coordinate.
     """
-    vertex = mesh.faces + at[0]
+    vertex = mesh.faces + next_indices[0]
     if corners is None:
         numbers = np.repeat(vertex, 2, axis=1)
         face = "f %d//%d %d//%d %d//%d\n"
     else:
-        numbers = np.stack([vertex, corners + at[1], vertex], 2).reshape(-1, 9)
+        numbers = np.stack([vertex, corners + next_indices[1], vertex], 2).reshape(-1, 9)
         face = "f %d/%d/%d %d/%d/%d %d/%d/%d\n"
     colored = np.concatenate([mesh.vertices, mesh.colors / 255], 1)
     text.append(f"o {mesh.name}\n")
@@ -306,7 +306,7 @@ def _append_object(
     text += _lines("vt %.5f %.5f\n", uv)
     text.append(f"usemtl {material}\n")
     text += _lines(face, numbers)
-    return at[0] + len(mesh.vertices), at[1] + len(uv)
+    return next_indices[0] + len(mesh.vertices), next_indices[1] + len(uv)
 
 
 _ROWS = 4096  # of a file at a time

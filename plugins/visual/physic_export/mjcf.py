@@ -36,8 +36,8 @@ from physic_export.humanoid import (
     vertex_segments,
 )
 from physic_export.meshes import scene_mesh
-from physic_export.tiles import Tile, parts_that_meet, segments_that_meet, tile_errors
-from physic_visual.floor import drawn_floor
+from physic_export.tiles import Tile, overlapping_bodies, overlapping_segments, tile_errors
+from physic_visual.floor import floor_rectangles
 from physic_visual.rig import body_of_result
 from physic_visual.scene_mesh import mesh_scene, scene_reach
 from physic_visual.textures.photo import encode_image
@@ -311,7 +311,7 @@ def _add_jointed(file: _File, jointed: Sequence[ExportedPerson]) -> None:
         geom |= {"friction": FRICTION, "rgba": RGBA}
         segments = body_segments(person.rig, person.vertices, person.ground_heights)
         resting |= _add_humanoid(file, f"person_{person.index}", segments, geom)
-        for pair in segments_that_meet(segments):
+        for pair in overlapping_segments(segments):
             _exclude(contact, (person.index, person.index), pair)
     if resting:
         _add_t_pose(file.root, resting)
@@ -364,7 +364,7 @@ def _exclude_touching(contact: Element, people: Sequence[ExportedPerson]) -> Non
         part = vertex_segments(person.rig.weights)
         parts.append([person.vertices[part == joint] for joint in range(NUM_BODIES)])
     for first, second in itertools.combinations(range(len(people)), 2):
-        for pair in parts_that_meet(parts[first], parts[second]):
+        for pair in overlapping_bodies(parts[first], parts[second]):
             _exclude(contact, (people[first].index, people[second].index), pair)
 
 
@@ -379,7 +379,7 @@ def _add_textured_scene(out: _File, request: ExportRequest) -> dict[str, bytes]:
     shape = out.add_mesh("scene", scene.vertices, scene.faces, scene.uv)
     SubElement(out.world, "geom", shape | {"material": "scene"} | _DRAWN)
     surface = mesh_scene(request.result.scene, scene_reach(request.result), _MAX_VERTICES)
-    floor = drawn_floor(request.result, request.frame, surface)
+    floor = floor_rectangles(request.result, request.frame, surface)
     if floor is not None and len(floor[1]):
         shape = out.add_mesh("drawn_floor", *floor, uv=np.zeros((len(floor[0]), 2)))
         SubElement(out.world, "geom", shape | {"rgba": _FLOOR} | _DRAWN)

@@ -144,7 +144,7 @@ def tiles_without(tiles: Sequence[Tile], bodies: Sequence[Float64Array]) -> list
     return kept
 
 
-def parts_that_meet(
+def overlapping_bodies(
     one: Sequence[Float64Array], other: Sequence[Float64Array]
 ) -> list[tuple[int, int]]:
     """Return the pairs of convex bodies (n, 3), of one list and of another, that overlap or are
@@ -169,7 +169,7 @@ def parts_that_meet(
     return pairs
 
 
-def segments_that_meet(segments: Sequence[Segment]) -> list[tuple[int, int]]:
+def overlapping_segments(segments: Sequence[Segment]) -> list[tuple[int, int]]:
     """Return the pairs of segments that are no neighbors, and whose hulls overlap or are less than
     MEET_M apart in the pose or in the T-pose, such as chest and upper arm.
     """
@@ -183,7 +183,7 @@ def segments_that_meet(segments: Sequence[Segment]) -> list[tuple[int, int]]:
             transform_points(place, one.hull[0])
             for place, one in zip(places, segments, strict=True)
         ]
-        met.update(parts_that_meet(hulls, hulls))
+        met.update(overlapping_bodies(hulls, hulls))
     return sorted((a, b) for a, b in met if a < b and segments[b].parent != a)
 
 

@@ -20,7 +20,7 @@ from physic_export.balance import people_of, tiles_beside
 from physic_export.humanoid import SOLE_RADIUS_M, body_segments, inertia_of, max_torque
 from physic_export.meshes import scene_mesh
 from physic_export.mjcf import number_text, xml_file
-from physic_export.tiles import segments_that_meet
+from physic_export.tiles import overlapping_segments
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -140,7 +140,7 @@ def _pairs(name: str, segments: Sequence[Segment]) -> Element:
     """
     root = Element("robot", name=name)
     neighbors = [(one.parent, number) for number, one in enumerate(segments) if one.parent >= 0]
-    for reason, pairs in (("Adjacent", neighbors), ("Default", segments_that_meet(segments))):
+    for reason, pairs in (("Adjacent", neighbors), ("Default", overlapping_segments(segments))):
         for first, second in pairs:
             links = {"link1": segments[first].name, "link2": segments[second].name}
             SubElement(root, "disable_collisions", links, reason=reason)

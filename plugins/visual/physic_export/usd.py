@@ -18,7 +18,7 @@ from physic_core.geometry import linear_from_srgb, rotmat_to_quat
 from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
 from physic_export.skeleton import at_rest, named_rig, t_pose
 from physic_export.skins import Skins, skins_of
-from physic_visual.floor import drawn_floor
+from physic_visual.floor import floor_rectangles
 from physic_visual.glb import skin_influences
 from physic_visual.palette import BODY_RGB, FLOOR_RGB, contact_legend
 from physic_visual.rig import rigs
@@ -261,7 +261,7 @@ def _add_floor(stage: Any, request: ExportRequest) -> None:
     from pxr import UsdGeom, UsdPhysics
 
     surface = mesh_scene(request.result.scene, scene_reach(request.result))
-    drawn = drawn_floor(request.result, request.frame, surface)
+    drawn = floor_rectangles(request.result, request.frame, surface)
     if drawn is None:
         return
     up = request.frame.up_vector

@@ -29,7 +29,7 @@ _HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 """Triangles of a rectangle."""
 
 
-def drawn_floor(
+def floor_rectangles(
     result: Reconstruction, frame: ExportFrame, surface: SceneMesh
 ) -> tuple[Float64Array, Int64Array] | None:
     """Return vertices (4 n, 3) and faces (2 n, 3) of rectangles on the floor; None without a floor.

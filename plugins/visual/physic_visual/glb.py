@@ -20,7 +20,7 @@ from physic_core.errors import InputError
 from physic_core.export import ExportRequest, camera_pose, export_frame
 from physic_core.geometry import linear_from_srgb, transform_points
 from physic_visual.assumed_supports import SLAB_FACES, assumed_supports
-from physic_visual.floor import drawn_floor
+from physic_visual.floor import floor_rectangles
 from physic_visual.glb_builder import ARRAY, INDICES, GlbBuilder
 from physic_visual.palette import (
     BODY_RGB,
@@ -169,7 +169,7 @@ def photo_appearance(
     photo: bytes,
     contact: tuple[bytes, str],
     mesh: TextureCoordinates,
-    shown: float,
+    photo_share: float,
     skin: str = SKINS[0],
 ) -> Appearance:
     """Add the textures of a person, and return its materials as variants, and the texture
@@ -181,13 +181,13 @@ def photo_appearance(
         photo: texture with the photo's colours, JPEG.
         contact: texture of contact, and its MIME type.
         mesh: texture coordinates.
-        shown: share of the body that the photo shows.
+        photo_share: share of the body that the photo shows.
         skin: the variant of :data:`SKINS` that is shown by programs that do not know variants.
     """
     material = body_material(name, texture=glb.add_texture(photo, "image/jpeg", name))
     material |= {
         "extensions": {"KHR_materials_unlit": {}},
-        "extras": {"share_from_photo": round(shown, 4)},
+        "extras": {"share_from_photo": round(photo_share, 4)},
     }
     picture = glb.add_texture(*contact, f"{name}_contact")
     materials = (
@@ -237,7 +237,7 @@ def add_dressed(glb: GlbBuilder, index: int, request: ExportRequest) -> Appearan
 def build_glb(
     request: ExportRequest,
     skins: Mapping[int, Rig],
-    look: Callable[[GlbBuilder, int, ExportRequest], Appearance],
+    make_appearance: Callable[[GlbBuilder, int, ExportRequest], Appearance],
     reason: str = "",
 ) -> GlbBuilder:
     """Return a GLB file of the people of a request.
@@ -245,7 +245,7 @@ def build_glb(
     Args:
         request: of any up axis.
         skins: person -> rig, of those that get a skeleton.
-        look: called with the file, to which it can add textures, and the person.
+        make_appearance: called with the file, to which it can add textures, and the person.
         reason: why others get no skeleton.
     """
     glb = GlbBuilder(generator="PhySIC")
@@ -257,7 +257,9 @@ def build_glb(
         nodes += _add_floor(glb, request)
         nodes += _add_assumed(glb, request)
     for index in request.person:
-        nodes += _add_person(glb, index, request, skins.get(index), look(glb, index, request))
+        nodes += _add_person(
+            glb, index, request, skins.get(index), make_appearance(glb, index, request)
+        )
     nodes.append(_add_camera(glb, result.intrinsics, camera_pose(frame)))
     extras = {
         "units": "meters",
@@ -267,13 +269,13 @@ def build_glb(
         "contact": "vertex attribute _CONTACT: 1 in contact, 0 not",
         "contact_colors": contact_legend(result),
     }
-    if look is add_dressed and request.person:
+    if make_appearance is add_dressed and request.person:
         extras["colors_of_people"] = f"those of the photo; {GUESSED}"
         if has_faint_contact(result):
             extras["contact_variant"] = FAINT
     if skins:
         extras["rest_pose"] = "T-pose at zero rotations of the joints"
-        if look is add_dressed:
+        if make_appearance is add_dressed:
             extras["bind_pose"] = "that of the photo"
     if reason:
         extras["no_skeleton"] = reason
@@ -314,7 +316,7 @@ def skin_influences(
 
 
 def _add_person(
-    glb: GlbBuilder, index: int, request: ExportRequest, rig: Rig | None, look: Appearance
+    glb: GlbBuilder, index: int, request: ExportRequest, rig: Rig | None, appearance: Appearance
 ) -> list[int]:
     """Add mesh of a person, with skin and joints if there is a rig, and return the indices of the
     nodes at the top.
@@ -331,15 +333,15 @@ def _add_person(
     normals = unit_normals(vertices, faces)
     rows: Any = slice(None)
     drawn = faces
-    if look.mesh is not None:
-        rows = look.mesh.vertex
-        drawn = look.mesh.faces
+    if appearance.mesh is not None:
+        rows = appearance.mesh.vertex
+        drawn = appearance.mesh.faces
     attributes = {
         "POSITION": glb.add_accessor(vertices.astype(np.float32)[rows], ARRAY, with_bounds=True),
         "NORMAL": glb.add_accessor(normals[rows], ARRAY),
         "_CONTACT": glb.add_accessor(person.contact.astype(np.float32)[rows], ARRAY),
-        **{key: glb.add_accessor(values, ARRAY) for key, values in look.attributes.items()},
-        **look.accessors,
+        **{key: glb.add_accessor(values, ARRAY) for key, values in appearance.attributes.items()},
+        **appearance.accessors,
     }
     tops = list[int]()
     skin = dict[str, int]()
@@ -347,7 +349,7 @@ def _add_person(
         top, skin["skin"] = _add_skeleton(glb, name, rig)
         tops.append(top)
         attributes |= _skin_attributes(glb, rig, rows)
-    tops.append(_add_mesh(glb, name, attributes, drawn, look, **skin))
+    tops.append(_add_mesh(glb, name, attributes, drawn, appearance, **skin))
     return tops
 
 
@@ -395,18 +397,18 @@ def _add_mesh(
     name: str,
     attributes: dict[str, int],
     faces: IntArray,
-    look: Appearance,
+    appearance: Appearance,
     **node: int,
 ) -> int:
     """Add a mesh of faces (F, 3) with the material of a look, and return the index of its node."""
     mesh = glb.add(
-        "meshes", {"name": name, "primitives": [_primitive(glb, attributes, faces, look)]}
+        "meshes", {"name": name, "primitives": [_primitive(glb, attributes, faces, appearance)]}
     )
     return glb.add("nodes", {"name": name, "mesh": mesh, **node})
 
 
 def _primitive(
-    glb: GlbBuilder, attributes: dict[str, int], faces: IntArray, look: Appearance
+    glb: GlbBuilder, attributes: dict[str, int], faces: IntArray, appearance: Appearance
 ) -> dict[str, Any]:
     indices = glb.add_accessor(
         faces.reshape(-1).astype(np.uint16 if faces.max() < 65535 else np.uint32), INDICES
@@ -414,8 +416,8 @@ def _primitive(
     return {
         "attributes": attributes,
         "indices": indices,
-        "material": glb.add_material(look.material),
-        **look.primitive,
+        "material": glb.add_material(appearance.material),
+        **appearance.primitive,
     }
 
 
@@ -455,7 +457,7 @@ def _primitives_in_parts(
     vertices: Float32Array,
     places: Float32Array,
     faces: Int64Array,
-    look: Appearance,
+    appearance: Appearance,
 ) -> list[dict[str, Any]]:
     """Return primitives of faces (F, 3) with texture coordinates ``places``, whose indices are
     small.
@@ -470,13 +472,13 @@ def _primitives_in_parts(
                 "POSITION": glb.add_accessor(vertices[rows], ARRAY, with_bounds=True),
                 "TEXCOORD_0": glb.add_accessor(places[rows], ARRAY),
             }
-            primitives.append(_primitive(glb, attributes, part - start, look))
+            primitives.append(_primitive(glb, attributes, part - start, appearance))
     return primitives
 
 
 def _add_floor(glb: GlbBuilder, request: ExportRequest) -> list[int]:
     """Add what is drawn of the floor, if there is one, and return the index of its node."""
-    floor = drawn_floor(request.result, request.frame, scene_meshes(request.result)[0])
+    floor = floor_rectangles(request.result, request.frame, scene_meshes(request.result)[0])
     if floor is None:
         return []
     vertices, faces = floor

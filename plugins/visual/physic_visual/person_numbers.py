@@ -54,21 +54,21 @@ def heads_in_photo(
 def draw_numbers(
     pen: ImageDraw.ImageDraw,
     corner: tuple[float, float],
-    places: Mapping[int, tuple[float, float]],
+    centers: Mapping[int, tuple[float, float]],
     size: tuple[int, int],
-    taken: Sequence[_Box] = (),
+    occupied_boxes: Sequence[_Box] = (),
 ) -> None:
     """Draw the numbers of people inside a picture, none over another or over what is taken.
 
     Args:
         pen: of the page.
         corner: upper left corner of the picture, px of the page.
-        places: person -> column and row in the picture.
+        centers: person -> column and row in the picture.
         size: of the picture, px.
-        taken: boxes x0, y0, x1, y1 in the picture that stay free.
+        occupied_boxes: boxes x0, y0, x1, y1 in the picture that stay free.
     """
-    used = list(taken)
-    for index, place in places.items():
+    used = list(occupied_boxes)
+    for index, place in centers.items():
         x, y = (
             float(np.clip(value, _DISC_PX, most - _DISC_PX))
             for value, most in zip(place, size, strict=True)
@@ -79,12 +79,14 @@ def draw_numbers(
             for spot in spots
             if all(_DISC_PX <= at <= most - _DISC_PX for at, most in zip(spot, size, strict=True))
         ]
-        x, y = next((spot for spot in inside if not any(_meets(spot, box) for box in used)), (x, y))
+        x, y = next(
+            (spot for spot in inside if not any(_overlaps_box(spot, box) for box in used)), (x, y)
+        )
         used.append((x - _DISC_PX, y - _DISC_PX, x + _DISC_PX, y + _DISC_PX))
         draw_person_number(pen, corner[0] + x, corner[1] + y, index)
 
 
-def _meets(spot: tuple[float, float], box: _Box) -> bool:
+def _overlaps_box(spot: tuple[float, float], box: _Box) -> bool:
     """Return whether the disc of a number at a spot reaches into a box."""
     x, y = spot
     return box[0] - _DISC_PX < x < box[2] + _DISC_PX and box[1] - _DISC_PX < y < box[3] + _DISC_PX

@@ -63,7 +63,7 @@ _ACROSS = 0.15  # sine of the angle between the step and the surface: up to 9 de
 _Made = TypeVar("_Made")
 
 
-def kept_for_next_picture(
+def cached_for_last_result(
     make: Callable[[Reconstruction], _Made],
 ) -> Callable[[Reconstruction], _Made]:
     """Keep what is made of the last result, for its preview, GLB and page; threads that draw them
@@ -110,7 +110,7 @@ def scene_reach(reconstruction: Reconstruction) -> float:
     return max(8.0, 3.0 * max(finite)) if finite else 20.0
 
 
-@kept_for_next_picture
+@cached_for_last_result
 def scene_meshes(result: Reconstruction) -> tuple[SceneMesh, SceneMesh]:
     """Return the scene mesh and the backdrop of a result, see :func:`mesh_scene` and
     :func:`mesh_backdrop`.

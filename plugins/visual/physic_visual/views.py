@@ -233,7 +233,9 @@ def view_from_aside(geometry: PreviewGeometry, width: int, height: int) -> UInt8
         points=np.concatenate([geometry.points, geometry.backdrop]),
         point_colors=np.concatenate([geometry.point_colors, geometry.backdrop_colors]),
     )
-    return _draw(shown, _aside(geometry.upright, corners, width, height), math.inf, radius=2)
+    return _draw(
+        shown, _camera_from_aside(geometry.upright, corners, width, height), math.inf, radius=2
+    )
 
 
 _ASIDE = 35.0  # degrees between the view from aside and the camera's direction
@@ -242,7 +244,9 @@ _FIELD = math.radians(40)  # of the upright view from aside
 _FILLED = 0.8  # share of it that people fill
 
 
-def _aside(upright: Float64Array, corners: Float64Array, width: int, height: int) -> View:
+def _camera_from_aside(
+    upright: Float64Array, corners: Float64Array, width: int, height: int
+) -> View:
     """Return the nearest camera, beside and above the photo's, that sees all corners (N, 3,
     upright frame).
     """
@@ -321,7 +325,7 @@ def _fitted(
         low[1] = min(low[1], 0.0)
     near = high[2] + direction.beside[0]
     far = low[2] - direction.beside[1]
-    start, end = _with_camera(
+    start, end = _range_with_camera(
         np.stack([low[:2], high[:2]]) + direction.room.T * [[-1], [1]], direction, axes @ eye, size
     )
     scale = float((size / (end - start)).min())
@@ -336,7 +340,7 @@ def _fitted(
 _MIN_SCALE_RATIO = 0.85  # least ratio of the scales with and without the camera
 
 
-def _with_camera(
+def _range_with_camera(
     ends: Float64Array, direction: _Direction, eye: Float64Array, size: tuple[int, int]
 ) -> Float64Array:
     """Extend the range (2, 2) of a view, in metres along its axes, to the camera, if the scale

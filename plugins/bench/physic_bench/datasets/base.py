@@ -40,8 +40,8 @@ class DataSet:
 
     Attributes:
         name: of the command.
-        about: what to get where under which terms, the files of ROOT and how it is measured, as
-            Markdown.
+        description: what to get where under which terms, the files of ROOT and how it is measured,
+            as Markdown.
         missing: returns everything that is missing in ROOT, a sentence each. Arguments are ROOT,
             whether pictures are needed, and the options.
         frames: returns the frames. Arguments are ROOT, the function that chooses among all names,
@@ -51,7 +51,7 @@ class DataSet:
     """
 
     name: str
-    about: str
+    description: str
     missing: Callable[..., list[str]]
     frames: Callable[..., FrameSet]
     options: tuple[click.Option, ...] = ()

@@ -42,15 +42,15 @@ _LEAST_FIRST_SCORE = 0.1  # in the first square, which may hold only a part of t
 _MARGIN = 1.5  # side of the second square over that of the points' box
 
 
-def face_square(at: Mapping[str, FloatArray]) -> RotatedSquare:
+def face_square(joints: Mapping[str, FloatArray]) -> RotatedSquare:
     """Return the first square of a face from the points (2,) px of :data:`KEYPOINTS`."""
     eyes, ears, mouth = (
-        np.mean([at[f"{side}_{name}_surface"] for side in SIDES], 0)
+        np.mean([joints[f"{side}_{name}_surface"] for side in SIDES], 0)
         for name in ("eye", "ear", "mouth_corner")
     )
-    nose = at["nose"]
+    nose = joints["nose"]
     tall = float(np.linalg.norm(eyes - mouth))
-    left, right = (at[f"{side}_ear_surface"] for side in SIDES)
+    left, right = (joints[f"{side}_ear_surface"] for side in SIDES)
     wide = float(np.linalg.norm(left - right))
     deep = max(float(np.linalg.norm(nose - ear)) for ear in (left, right))
     center = 0.7 * (eyes + mouth + nose) / 3 + 0.3 * ears

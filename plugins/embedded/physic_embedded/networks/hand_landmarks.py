@@ -120,7 +120,7 @@ def find_hand(
     detector: OnnxSession,
     landmarker: OnnxSession,
     picture: ImagePyramid,
-    around: RotatedSquare,
+    search_square: RotatedSquare,
     wrist: FloatArray,
     side: str,
 ) -> HandLandmarks | None:
@@ -130,22 +130,22 @@ def find_hand(
         detector: session of ``palm_detection_full``.
         landmarker: session of ``hand_landmark_full``.
         picture: the photo.
-        around: where to look, turned so that the forearm points up.
+        search_square: where to look, turned so that the forearm points up.
         wrist: (2,) of the pose, px.
         side: "left" or "right"; of two hands at one wrist, the one of this side is taken.
     """
     starts = []
-    for view in (replace(around, angle=0.0), around):
+    for view in (replace(search_square, angle=0.0), search_square):
         starts += _palm_squares(detector, picture, view)
     # No palm is visible: the pose gives the place of the hand.
-    starts.append(replace(around, side=around.side / 1.5))
+    starts.append(replace(search_square, side=search_square.side / 1.5))
     best = None
     most = 0.0
     for start in starts:
         points, _, presence, right = _run_network(landmarker, picture.crop(start, LANDMARK_SIZE))
         points = start.to_photo(points, LANDMARK_SIZE)
         worth = presence * (0.2 + (right if side == "right" else 1.0 - right))
-        near = np.linalg.norm(points[0] - wrist) < 0.25 * around.side
+        near = np.linalg.norm(points[0] - wrist) < 0.25 * search_square.side
         if near and worth > most:
             best = square_from_landmarks(points)
             most = worth

@@ -38,7 +38,7 @@ def detect_people(
     threshold: float,
     tile_threshold: float,
     fractions: Sequence[float],
-    around: Sequence[FloatArray] = (),
+    people_boxes: Sequence[FloatArray] = (),
 ) -> list[BoxDetection]:
     """Detect candidate people in the full photo, its tiles, the squares around boxes, and their
     mirror images: photo px, best score first.
@@ -53,7 +53,7 @@ def detect_people(
         tile_threshold: lowest score in a tile.
         fractions: tile sides over the photo's long side; the short side of a photo longer than all
             of them is added.
-        around: boxes (4,) x0 y0 x1 y1 px of the photo, such as those where a person may be.
+        people_boxes: boxes (4,) x0 y0 x1 y1 px of the photo, such as those where a person may be.
     """
     # People fill the height of a panorama, and the whole of it shows them too small.
     short = min(picture.width, picture.height) / max(picture.width, picture.height)
@@ -63,7 +63,7 @@ def detect_people(
     windows = [
         (0.0, 0.0, float(long_side), threshold),
         *((*tile, tile_threshold) for tile in tiles(picture.width, picture.height, fractions)),
-        *((*_search_square(box), tile_threshold) for box in around),
+        *((*_search_square(box), tile_threshold) for box in people_boxes),
     ]
     found = [d for window in windows for d in _detect_in_square(session, picture, *window)]
     return merge_candidates(found)
@@ -112,9 +112,9 @@ def _smallest_level(picture: ImagePyramid, fraction: float) -> UInt8Array:
     ][-1]
 
 
-def _box_and_keypoints(found: BoxDetection, mirrored: bool) -> FloatArray:
+def _box_and_keypoints(detection: BoxDetection, mirrored: bool) -> FloatArray:
     """Return corners of the box and keypoints (2 + K, 2) in the input before mirroring, px."""
-    points = np.concatenate([found.box.reshape(2, 2), found.keypoints])
+    points = np.concatenate([detection.box.reshape(2, 2), detection.keypoints])
     if mirrored:
         points[:, 0] = DETECTOR_SIZE - points[:, 0]
         points[:2, 0] = points[1::-1, 0]
@@ -124,7 +124,7 @@ def _box_and_keypoints(found: BoxDetection, mirrored: bool) -> FloatArray:
 _NEAR = 0.35  # of the larger radius of two bodies
 
 
-def merge_candidates(found: Sequence[BoxDetection]) -> list[BoxDetection]:
+def merge_candidates(candidates: Sequence[BoxDetection]) -> list[BoxDetection]:
     """Merge detections of the same person and keep the best.
 
     Two candidates are one person if their mid hips are near, or if their boxes overlap.
@@ -134,7 +134,7 @@ def merge_candidates(found: Sequence[BoxDetection]) -> list[BoxDetection]:
         return float(np.linalg.norm(d.keypoints[1] - d.keypoints[0]))
 
     kept: list[BoxDetection] = []
-    for d in sorted(found, key=lambda d: -d.score):
+    for d in sorted(candidates, key=lambda d: -d.score):
         if all(
             np.linalg.norm(d.keypoints[0] - k.keypoints[0]) > _NEAR * max(radius(d), radius(k))
             and box_iou(d.box[None], k.box[None])[0, 0] < OVERLAP

@@ -211,10 +211,10 @@ def _poses_without_box(
     ]
 
 
-def _beyond_limit(people: Sequence[DetectedPose], most: int) -> list[UnposedPerson]:
+def _beyond_limit(people: Sequence[DetectedPose], max_people: int) -> list[UnposedPerson]:
     """Return the people who are more than the limit."""
-    why = f"more than {most} people: raise it with --set segmenter.options.max_people=N"
-    return [unposed_person(person.extent, person.score, why) for person in people[most:]]
+    why = f"more than {max_people} people: raise it with --set segmenter.options.max_people=N"
+    return [unposed_person(person.extent, person.score, why) for person in people[max_people:]]
 
 
 def _low_score_people(boxes: Detections) -> list[UnposedPerson]:
@@ -233,10 +233,10 @@ def _with_upper_bodies(
     return [replace(person, pose=pose) for person, pose in zip(people, poses, strict=True)]
 
 
-def _without_repeats(found: list[DetectedPose]) -> list[DetectedPose]:
+def _without_repeats(detections: list[DetectedPose]) -> list[DetectedPose]:
     """Return the best pose of each person, best first."""
     kept: list[DetectedPose] = []
-    for person in sorted(found, key=lambda person: -person.score):
+    for person in sorted(detections, key=lambda person: -person.score):
         most_shared = MAX_SHARED_MASK
         if person.box is not None:
             most_shared = SAME_MASK if person.pose.mirror_gap > UNSTEADY else 1.0

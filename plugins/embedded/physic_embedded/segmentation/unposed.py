@@ -100,20 +100,20 @@ def segment_unposed(
     return tuple(found), missing
 
 
-def _is_limb(one: UnposedPerson, pose: Pose) -> bool:
+def _is_limb(unposed: UnposedPerson, pose: Pose) -> bool:
     """Return whether a box lower than a person's trunk holds a limb's end of this person, and lies
     mostly in the box of the joints: a face beside a raised hand does not.
     """
-    low, high = np.array(one.box).reshape(2, 2)
+    low, high = np.array(unposed.box).reshape(2, 2)
     ends = pose.points[LIMB_ENDS]
     inside = ((ends >= low) & (ends <= high)).all(1).any()
     is_low = high[1] - low[1] < pose.torso_length
-    return bool(inside and is_low and share_inside(np.array(one.box), pose.joints_box) > 0.5)
+    return bool(inside and is_low and share_inside(np.array(unposed.box), pose.joints_box) > 0.5)
 
 
-def _person_share(surfaces: SurfaceLabels, one: UnposedPerson) -> float:
+def _person_share(surfaces: SurfaceLabels, unposed: UnposedPerson) -> float:
     """Return the share of the middle two thirds of a box that is labelled as a person."""
-    x0, y0, x1, y1 = np.rint(one.box).astype(int)
+    x0, y0, x1, y1 = np.rint(unposed.box).astype(int)
     across = (x1 - x0) // 6
     down = (y1 - y0) // 6
     middle = surfaces.mask("person")[

@@ -230,7 +230,7 @@ def test_somebody_small_is_a_candidate_in_the_square_around_a_box(pytestconfig):
     box = np.array([9 * width, height, 10 * width, 2 * height], float)
     picture = ImagePyramid.from_image(far)
     assert detect_people(session, picture, 0.5, 0.5, ()) == []
-    (skier,) = detect_people(session, picture, 0.5, 0.5, (), around=[box])
+    (skier,) = detect_people(session, picture, 0.5, 0.5, (), people_boxes=[box])
     np.testing.assert_allclose(skier.keypoints[0], [696, 201], atol=4)
 
 

@@ -59,7 +59,7 @@ class HumanPoints(ShortRepr):
     trees: tuple[cKDTree, ...]
 
     @classmethod
-    def of_state(cls, state: State) -> HumanPoints:
+    def from_state(cls, state: State) -> HumanPoints:
         """Collect ``human_points``, or unproject ``photo_depth`` inside each mask.
 
         Raises:
@@ -89,12 +89,12 @@ class HumanPoints(ShortRepr):
         scale = float(log_scale.detach().exp())
         return torch.stack(
             [
-                self._person(i, v[f], scale)
+                self._person_points(i, v[f], scale)
                 for i, (v, f) in enumerate(zip(vertices, facing, strict=True))
             ]
         )
 
-    def _person(self, i: int, vertices: Tensor, scale: float) -> Tensor:
+    def _person_points(self, i: int, vertices: Tensor, scale: float) -> Tensor:
         """Return Eq. 4 of person i with camera-facing vertices (n, 3)."""
         points = self.points[i] * scale
         if not len(points) or not len(vertices):
@@ -116,7 +116,7 @@ class ChamferDepthTerm(Term):
 
     def __init__(self, weight: float, sampling: Sampling) -> None:
         self._weight = weight
-        self._cloud = HumanPoints.of_state(sampling.state) if weight else None
+        self._cloud = HumanPoints.from_state(sampling.state) if weight else None
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Select the camera-facing vertices."""

@@ -69,14 +69,14 @@ def make_backend(stub, tmp_path, smpl_file):
     return make
 
 
-def ask(backend, image=coordinates(200, 300)):  # noqa: B008
+def run_network(backend, image=coordinates(200, 300)):  # noqa: B008
     return backend.infer(image, people(), CAMERA, NUM_KEYPOINTS, Hints())
 
 
 def test_the_network_gets_squares_of_the_longer_side_and_the_given_camera(make_backend):
     """Boxes are relative to its principal point; red comes first."""
     backend = make_backend()
-    ask(backend)
+    run_network(backend)
     inputs = backend.network[0].seen[0]
     for crop, middle, side in zip(
         inputs["img"], [[119.5, 89.5], [229.5, 79.5]], [100, 60], strict=True
@@ -95,7 +95,7 @@ def test_the_network_gets_squares_of_the_longer_side_and_the_given_camera(make_b
 
 
 def test_bodies_are_seen_where_the_crop_has_them(make_backend, smpl_file):
-    bodies = ask(make_backend())
+    bodies = run_network(make_backend())
     place = bodies.parameters.transl[0]
     np.testing.assert_allclose(place[2], 2 * 500 / (100 * 0.9), rtol=1e-5)
     pixel = 500 * place[:2] / place[2] + [140, 105]

@@ -47,7 +47,7 @@ class DECO(torch.nn.Module):
 """
 
 
-def ask(backend, count=1):
+def run_network(backend, count=1):
     """Contact of so many people in one place."""
     boxes = np.tile([100.0, 40, 180, 140], (count, 1))
     people = People(np.zeros((count, 200, 300), bool), boxes, np.ones(count))
@@ -69,7 +69,7 @@ def deco(stub, tmp_path, smpl_file):
 
 
 def test_deco_gives_smpls_labels_with_smpls_t_pose(deco, smpl_file):
-    contact = ask(deco(), 3)
+    contact = run_network(deco(), 3)
     assert contact.topology == "smpl"
     assert contact.probability.shape == (3, 6890)
     np.testing.assert_allclose(contact.probability[:, 0], 0.75)

@@ -156,7 +156,7 @@ def sam(load_sam):
     return load_sam()
 
 
-def ask(backend, camera=CAMERA):
+def run_network(backend, camera=CAMERA):
     image = np.full((48, 64, 3), [200, 100, 10], np.uint8)
     return backend.infer(image, PEOPLE, camera, NUM_KEYPOINTS, Hints())
 
@@ -169,7 +169,7 @@ def test_bodies_lie_where_the_given_camera_sees_their_boxes(decoder, load_sam):
     sam = load_sam(decoder="    TYPE: sam\n" + decoder)
     centre = (12.0, 40.25)
     camera = Intrinsics(500.0, 500.0, *centre, 64, 48)
-    place = ask(sam, camera).parameters.transl
+    place = run_network(sam, camera).parameters.transl
     pixels = 500 * place[:, :2] / place[:, 2:] + np.array(centre)
     middles = (PEOPLE.boxes[:, :2] + PEOPLE.boxes[:, 2:] - 1) / 2
     np.testing.assert_allclose(pixels, middles, atol=1e-4)
@@ -211,7 +211,7 @@ def test_it_needs_a_gpu_and_says_so(sam):
 
 
 def test_the_translation_is_added_to_surface_and_joints(sam):
-    bodies = ask(sam)
+    bodies = run_network(sam)
     assert bodies.body_model == "mhr"
     place = np.array([(49.5 - 30) / 500 * 3, (24.5 - 20) / 500 * 3, 3])
     np.testing.assert_allclose(bodies.mesh.vertices[1], np.tile(place + 0.5, (5, 1)), rtol=1e-6)

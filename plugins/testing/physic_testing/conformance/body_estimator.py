@@ -17,12 +17,12 @@ from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import expect
 from physic_testing.conformance.known_mistakes import (
     Group,
-    Reading,
+    KnownMistake,
     Table,
-    in_order,
     normalised,
     plus,
     reordered,
+    search_order,
     times,
 )
 from physic_testing.conformance.output_checks import ROWS, WITHOUT_PEOPLE
@@ -147,18 +147,18 @@ def _of_crop(root: FloatArray, truth: Truth) -> FloatArray:
 
 _EULER = "Are they Euler angles? Convert them to rotation vectors."
 FORMS = (
-    Reading("inverse", times(-1), "Is the matrix transposed?"),
-    Reading("Euler angles", _euler, _EULER),
-    Reading("in degrees", times(180 / np.pi), _DEGREES),
+    KnownMistake("inverse", times(-1), "Is the matrix transposed?"),
+    KnownMistake("Euler angles", _euler, _EULER),
+    KnownMistake("in degrees", times(180 / np.pi), _DEGREES),
 )
 """Readings of rotations that are stored in another form."""
 
 
-def _about(axis: int, name: str) -> Reading:
+def _about(axis: int, name: str) -> KnownMistake:
     """Return the reading of bodies that are turned about an axis of the camera."""
     by = np.radians(12) * np.eye(3)[axis]
     words = f"degrees about {name}"
-    return Reading(words, lambda root, _: _turned(root, by), _TURNED_CROP, 12, "", 6)
+    return KnownMistake(words, lambda root, _: _turned(root, by), _TURNED_CROP, 12, "", 6)
 
 
 def check_bodies_can_be_posed(subject: BackendUnderTest) -> None:
@@ -200,17 +200,17 @@ _TRANSL = (
 )
 
 _PLACE = (
-    Reading("to the right", plus(0.1, 0, 0), _TRANSL, 0.1, " m", 0.05),
-    Reading("down", plus(0, 0.1, 0), _TRANSL, 0.1, " m", 0.05),
+    KnownMistake("to the right", plus(0.1, 0, 0), _TRANSL, 0.1, " m", 0.05),
+    KnownMistake("down", plus(0, 0.1, 0), _TRANSL, 0.1, " m", 0.05),
 )
 
 _LARGE = float(np.log(1.2))
-_FAR = (Reading("too far", times(np.e), _FOCAL, 1, " of the logarithm", _LARGE),)
+_FAR = (KnownMistake("too far", times(np.e), _FOCAL, 1, " of the logarithm", _LARGE),)
 
 
-def _times(words: str, factor: Callable[[Case], Any]) -> Reading:
+def _times(words: str, factor: Callable[[Case], Any]) -> KnownMistake:
     """Return the reading of places that are multiplied by something of the photo."""
-    return Reading(
+    return KnownMistake(
         f"times {words}", lambda at, truth: at * factor(truth["case"]), _FOCAL, 1, "", 0.5
     )
 
@@ -223,14 +223,14 @@ _CROP = (
 _DOWN = "y is down in the camera's frame."
 
 _LIMBS = (
-    Reading("mirrored", lambda limbs, _: limbs[:, _SIDES] * MIRROR, _MIRRORED),
-    Reading("with left and right limbs exchanged", reordered(_SIDES), _MIRRORED),
-    Reading("turned upside down", times(1, -1, -1), _DOWN),
+    KnownMistake("mirrored", lambda limbs, _: limbs[:, _SIDES] * MIRROR, _MIRRORED),
+    KnownMistake("with left and right limbs exchanged", reordered(_SIDES), _MIRRORED),
+    KnownMistake("turned upside down", times(1, -1, -1), _DOWN),
 )
 
 _ROOT = (
     *FORMS,
-    Reading("of the camera of a crop that looks at the person", _of_crop, _TURNED_CROP),
+    KnownMistake("of the camera of a crop that looks at the person", _of_crop, _TURNED_CROP),
     *(_about(*axis) for axis in enumerate("xyz")),
 )
 
@@ -238,14 +238,16 @@ _TALL = "Are betas those of this body model, in its order and unit?"
 _REST = "Is it a pose at rest for every photo?"
 
 _POSE = (
-    Reading("at rest in every photo", times(0), _REST, limit=0.75),
+    KnownMistake("at rest in every photo", times(0), _REST, limit=0.75),
     *FORMS,
-    Reading(
+    KnownMistake(
         "a mean of left and right, as of a mirrored photo",
         lambda pose, _: (pose + pose[:, _POSE_SIDES]) / 2,
         _MIRRORED,
     ),
-    Reading("of the mirrored person", lambda pose, _: -MIRROR * pose[:, _POSE_SIDES], _MIRRORED),
+    KnownMistake(
+        "of the mirrored person", lambda pose, _: -MIRROR * pose[:, _POSE_SIDES], _MIRRORED
+    ),
 )
 
 _GROUPS = (
@@ -282,7 +284,7 @@ _GROUPS = (
         "bodies of the statures of people",
         "stature",
         "of log stature",
-        (Reading("too tall", plus(0.1), _TALL, 10, " %", 12),),
+        (KnownMistake("too tall", plus(0.1), _TALL, 10, " %", 12),),
         rough=_LARGE,
     ),
     Group(
@@ -290,7 +292,7 @@ _GROUPS = (
         "True for visible joints, and False for hidden ones",
         "observed",
         "of a unit vector",
-        (Reading("inverted", lambda seen, _: 1 - seen, "True is visible."),),
+        (KnownMistake("inverted", lambda seen, _: 1 - seen, "True is visible."),),
         normalised,
         is_telling=True,
     ),
@@ -300,7 +302,7 @@ _GROUPS = (
         "limbs",
         "m",
         _LIMBS,
-        search=in_order(JOINT_NAMES[:_BODY], 1),
+        search=search_order(JOINT_NAMES[:_BODY], 1),
     ),
     Group(
         "bodies_face_the_right_way",
@@ -317,7 +319,7 @@ _GROUPS = (
         "of a rotation matrix",
         _POSE,
         as_matrices,
-        search=in_order(JOINT_NAMES[1:_BODY], 1),
+        search=search_order(JOINT_NAMES[1:_BODY], 1),
         after=("pose_is_not_turned_or_mirrored",),
     ),
 )

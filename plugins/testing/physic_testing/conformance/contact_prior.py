@@ -13,7 +13,13 @@ import numpy as np
 from physic_core.errors import BodyModelError
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, expect
-from physic_testing.conformance.known_mistakes import Group, Reading, Table, flipped, normalised
+from physic_testing.conformance.known_mistakes import (
+    Group,
+    KnownMistake,
+    Table,
+    flipped,
+    normalised,
+)
 from physic_testing.conformance.output_checks import ROWS, WITHOUT_PEOPLE
 from physic_testing.conformance.truth import contact_on_embedded, embedded_body
 from physic_testing.metrics import contact_scores
@@ -83,7 +89,7 @@ def _with_own_body(likely: FloatArray, truth: Truth) -> FloatArray:
     return scores
 
 
-def _rotated(key: str, evidence: Sequence[tuple[Values, Truth]]) -> list[Reading]:
+def _rotated(key: str, evidence: Sequence[tuple[Values, Truth]]) -> list[KnownMistake]:
     """Return as a reading the number of vertices by which probabilities fit the truth better."""
     fits = [
         np.fft.irfft(
@@ -94,7 +100,7 @@ def _rotated(key: str, evidence: Sequence[tuple[Values, Truth]]) -> list[Reading
     ]
     moved = int(np.sum(fits, axis=0).argmax())
     hint = f"They fit {moved} numbers earlier: do they begin at another vertex?"
-    reading = Reading(
+    reading = KnownMistake(
         f"{moved} vertices farther on", lambda p, _: np.roll(p, moved, 1), hint, limit=0.3
     )
     return [reading] if moved else []
@@ -130,11 +136,15 @@ TABLE = Table(
             "likely",
             "of a unit vector",
             (
-                Reading("mirrored", lambda p, _: p[:, _mirrored_vertices()], _FLIP),
-                Reading("inverted", lambda p, _: 1 - p, "1 is contact."),
-                Reading("in reverse order", flipped(1), "Is the order of the vertices reversed?"),
-                Reading("half in reverse order", _half_reversed, "Is half of them reversed?"),
-                Reading("with the own body's", _with_own_body, "Contact is with the scene alone."),
+                KnownMistake("mirrored", lambda p, _: p[:, _mirrored_vertices()], _FLIP),
+                KnownMistake("inverted", lambda p, _: 1 - p, "1 is contact."),
+                KnownMistake(
+                    "in reverse order", flipped(1), "Is the order of the vertices reversed?"
+                ),
+                KnownMistake("half in reverse order", _half_reversed, "Is half of them reversed?"),
+                KnownMistake(
+                    "with the own body's", _with_own_body, "Contact is with the scene alone."
+                ),
             ),
             _order,
             search=_rotated,

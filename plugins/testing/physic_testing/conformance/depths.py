@@ -15,7 +15,7 @@ from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import expect, warn_unless
 from physic_testing.conformance.known_mistakes import (
     Group,
-    Reading,
+    KnownMistake,
     Table,
     check_stated_errors_hold,
     flipped,
@@ -346,15 +346,17 @@ _BOTH = (
         "z",
         "of log z",
         (
-            Reading("transposed", _transposed, _TURNED),
-            Reading("mirrored", flipped(1), _TURNED),
-            Reading("upside down", flipped(0), _TURNED),
-            Reading("of the middle square, stretched", _of_middle_square, _ASPECT),
-            Reading(
+            KnownMistake("transposed", _transposed, _TURNED),
+            KnownMistake("mirrored", flipped(1), _TURNED),
+            KnownMistake("upside down", flipped(0), _TURNED),
+            KnownMistake("of the middle square, stretched", _of_middle_square, _ASPECT),
+            KnownMistake(
                 "disparity", lambda z, _: 1 / z, "Is it disparity, 1 / z?", shows_when_blind=True
             ),
-            Reading("along the ray of each pixel", _along_rays, _RAYS),
-            Reading("a mean with the mirrored photo", lambda z, _: (z + z[:, ::-1]) / 2, _FLIPPED),
+            KnownMistake("along the ray of each pixel", _along_rays, _RAYS),
+            KnownMistake(
+                "a mean with the mirrored photo", lambda z, _: (z + z[:, ::-1]) / 2, _FLIPPED
+            ),
         ),
         _fitted_log_depths,
     ),
@@ -364,8 +366,8 @@ _BOTH = (
         "z",
         "of log z",
         (
-            Reading("to the right", shifted(1), _RESIZED, 1, " px", 0.5),
-            Reading("down", shifted(0), _RESIZED, 1, " px", 0.5),
+            KnownMistake("to the right", shifted(1), _RESIZED, 1, " px", 0.5),
+            KnownMistake("down", shifted(0), _RESIZED, 1, " px", 0.5),
         ),
         _edges,
         after=_UPRIGHT,
@@ -376,10 +378,10 @@ _BOTH = (
         "camera",
         "px or %",
         (
-            Reading("right of the center", plus(0.5, 0, 0, 0), _CENTRES, 0.5, " px", 0.3),
-            Reading("below the center", plus(0, 0.5, 0, 0), _CENTRES, 0.5, " px", 0.3),
-            Reading("fx over fy", plus(0, 0, 25, 0), _ASPECT, 25, " %", 2),
-            Reading("too long a focal length", plus(0, 0, 0, 70), _INPUT, 70, " %", 30),
+            KnownMistake("right of the center", plus(0.5, 0, 0, 0), _CENTRES, 0.5, " px", 0.3),
+            KnownMistake("below the center", plus(0, 0.5, 0, 0), _CENTRES, 0.5, " px", 0.3),
+            KnownMistake("fx over fy", plus(0, 0, 25, 0), _ASPECT, 25, " %", 2),
+            KnownMistake("too long a focal length", plus(0, 0, 0, 70), _INPUT, 70, " %", 30),
         ),
         rough=150,
     ),
@@ -406,7 +408,7 @@ METRIC_DEPTH = Table(
             "meters",
             "z",
             "of log(depth / true depth)",
-            (Reading("too large", times(np.e), _UNIT, 1, " of the logarithm", _LARGE),),
+            (KnownMistake("too large", times(np.e), _UNIT, 1, " of the logarithm", _LARGE),),
             _scale,
             rough=float(np.log(3)),
         ),
@@ -416,7 +418,7 @@ METRIC_DEPTH = Table(
             "z",
             "of log(depth / true depth)",
             (
-                Reading(
+                KnownMistake(
                     "times the focal length",
                     lambda z, truth: z * truth["case"].intrinsics.fx,
                     _FOCAL,
@@ -452,12 +454,12 @@ RELATIVE_POINTMAP = Table(
             "pixels",
             "px",
             (
-                Reading("with x to the left", times(-1, 1), _OPENGL),
-                Reading("with y upwards", times(1, -1), _OPENGL),
-                Reading("of the aspect ratio of a square", _of_a_square, _ASPECT),
-                Reading("to the right", plus(1, 0), _CENTRES, 1, " px", 0.25),
-                Reading("down", plus(0, 1), _CENTRES, 1, " px", 0.25),
-                Reading("farther out", times(1.01), _GIVEN, 1, " %", 0.6),
+                KnownMistake("with x to the left", times(-1, 1), _OPENGL),
+                KnownMistake("with y upwards", times(1, -1), _OPENGL),
+                KnownMistake("of the aspect ratio of a square", _of_a_square, _ASPECT),
+                KnownMistake("to the right", plus(1, 0), _CENTRES, 1, " px", 0.25),
+                KnownMistake("down", plus(0, 1), _CENTRES, 1, " px", 0.25),
+                KnownMistake("farther out", times(1.01), _GIVEN, 1, " %", 0.6),
             ),
         ),
     ),

@@ -16,10 +16,10 @@ from physic_testing.conformance.body_estimator import (
 )
 from physic_testing.conformance.known_mistakes import (
     Group,
-    Reading,
+    KnownMistake,
     Table,
     flipped,
-    in_order,
+    search_order,
     times,
 )
 from physic_testing.conformance.output_checks import ROWS, WITHOUT_PEOPLE
@@ -72,19 +72,21 @@ def _of_hands(fingers: FloatArray, truth: Truth) -> list[FloatArray]:
     return as_matrices(fingers.reshape(-1, 15, 3), truth)
 
 
-def _mirrored(side: int, name: str) -> Reading:
+def _mirrored(side: int, name: str) -> KnownMistake:
     """Return the reading of hands of which those of one side are mirrored."""
     factors = np.ones((2, 1, 3))
     factors[side] = -MIRROR
-    return Reading(f"of mirrored {name} hands", lambda fingers, _: factors * fingers, _MIRRORING)
+    return KnownMistake(
+        f"of mirrored {name} hands", lambda fingers, _: factors * fingers, _MIRRORING
+    )
 
 
 _READINGS = (
-    Reading("with left and right hands exchanged", flipped(1), _MIRRORING),
+    KnownMistake("with left and right hands exchanged", flipped(1), _MIRRORING),
     _mirrored(0, "left"),
     _mirrored(1, "right"),
     *FORMS,
-    Reading("flat in every photo", times(0), _REST, limit=0.75),
+    KnownMistake("flat in every photo", times(0), _REST, limit=0.75),
 )
 
 TABLE = Table(
@@ -103,14 +105,14 @@ TABLE = Table(
             "of a rotation matrix",
             _READINGS,
             _of_hands,
-            search=in_order(_NAMES, 2),
+            search=search_order(_NAMES, 2),
         ),
         Group(
             "wrists_are_in_the_cameras_frame",
             "rotations from the T-pose to the camera's frame, the left one first",
             "wrists",
             "of a rotation matrix",
-            (Reading("with the sides exchanged", flipped(1), _MIRRORING), *FORMS),
+            (KnownMistake("with the sides exchanged", flipped(1), _MIRRORING), *FORMS),
             lambda wrists, truth: as_matrices(wrists.reshape(-1, 1, 3), truth),
             rough=_TURNED,
         ),
@@ -119,7 +121,7 @@ TABLE = Table(
             "confidences that differ between hands, 0 for hands that are not found",
             "confidence",
             "of a probability",
-            (Reading("inverted", lambda rows, _: 1 - rows, "1 is sure."),),
+            (KnownMistake("inverted", lambda rows, _: 1 - rows, "1 is sure."),),
             is_telling=True,
         ),
     ),

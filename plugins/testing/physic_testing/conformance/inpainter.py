@@ -12,7 +12,14 @@ import numpy as np
 from physic_testing.conformance.changes import Change
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import expect
-from physic_testing.conformance.known_mistakes import Group, Reading, Table, flipped, shifted, times
+from physic_testing.conformance.known_mistakes import (
+    Group,
+    KnownMistake,
+    Table,
+    flipped,
+    shifted,
+    times,
+)
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, UInt8Array
@@ -110,15 +117,21 @@ TABLE = Table(
             "picture",
             "gray levels",
             (
-                Reading("of red and blue exchanged", flipped(2), _BGR),
-                Reading("without color", lambda p, _: p.mean(2, keepdims=True) + [0] * 3, _RANGE),
-                Reading("mirrored", flipped(1), _FLIP),
-                Reading("brighter", times(1.2), _RANGE, 20, " %", 5),
-                Reading("of the photo", lambda _, truth: truth["case"].photo, _RIM, 100, " %", 30),
+                KnownMistake("of red and blue exchanged", flipped(2), _BGR),
+                KnownMistake(
+                    "without color", lambda p, _: p.mean(2, keepdims=True) + [0] * 3, _RANGE
+                ),
+                KnownMistake("mirrored", flipped(1), _FLIP),
+                KnownMistake("brighter", times(1.2), _RANGE, 20, " %", 5),
+                KnownMistake(
+                    "of the photo", lambda _, truth: truth["case"].photo, _RIM, 100, " %", 30
+                ),
                 # A fill from what is around is smooth, too, but another picture.
-                Reading("of a sixteenth of the size", _coarse, _COARSE, left=0.3),
-                Reading("the photo at the border of people", _with_rim, _RIM),
-                Reading("blended with the photo at the mask's border", _faded_in, _RIM, limit=0.75),
+                KnownMistake("of a sixteenth of the size", _coarse, _COARSE, left=0.3),
+                KnownMistake("the photo at the border of people", _with_rim, _RIM),
+                KnownMistake(
+                    "blended with the photo at the mask's border", _faded_in, _RIM, limit=0.75
+                ),
             ),
             _fill,
             after=("only_the_mask_is_filled",),
@@ -129,8 +142,8 @@ TABLE = Table(
             "picture",
             "gray levels",
             (
-                Reading("to the right", shifted(1), _RESIZED, 1, " px", 0.5),
-                Reading("down", shifted(0), _RESIZED, 1, " px", 0.5),
+                KnownMistake("to the right", shifted(1), _RESIZED, 1, " px", 0.5),
+                KnownMistake("down", shifted(0), _RESIZED, 1, " px", 0.5),
             ),
             _slopes,
             after=("fill_has_the_colours_around",),

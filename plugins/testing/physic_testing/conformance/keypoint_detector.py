@@ -16,11 +16,11 @@ from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import expect
 from physic_testing.conformance.known_mistakes import (
     Group,
-    Reading,
+    KnownMistake,
     Table,
-    in_order,
     normalised,
     plus,
+    search_order,
     times,
 )
 from physic_testing.conformance.output_checks import COLOURS, ROWS, WITHOUT_PEOPLE
@@ -132,15 +132,15 @@ _BACK = "For a mirrored photo, are points and left/right names mirrored back?"
 _CROP = "Are points clipped to the crop?"
 
 _OTHER = (
-    Reading("mirrored", _mirrored, _BACK),
-    Reading("with left and right exchanged", _other_sides, _BACK),
-    Reading(
+    KnownMistake("mirrored", _mirrored, _BACK),
+    KnownMistake("with left and right exchanged", _other_sides, _BACK),
+    KnownMistake(
         "a mean of left and right, as of a mirrored photo",
         lambda points, truth: (points + _other_sides(points, truth)) / 2,
         _BACK,
     ),
-    Reading("clipped to the box of the person", _clipped, _CROP),
-    Reading("a third wider than the person", times(4 / 3, 1), _ASPECT),
+    KnownMistake("clipped to the box of the person", _clipped, _CROP),
+    KnownMistake("a third wider than the person", times(4 / 3, 1), _ASPECT),
 )
 
 _PIXEL = "Is half a pixel of a crop or a heat map lost, or are coordinates rounded down?"
@@ -154,11 +154,11 @@ _ONE_ORDER = "Points and confidences need one order of joints."
 _LENS = "Is the lens distortion undone?"
 
 _ALONG = (
-    Reading("to the right", plus(0.5, 0), _PIXEL, 0.5, " px", 0.3),
-    Reading("down", plus(0, 0.5), _PIXEL, 0.5, " px", 0.3),
-    Reading("too large along x", times(1.05, 1), _GRID, 5, " %", 3),
-    Reading("too large along y", times(1, 1.05), _GRID, 5, " %", 3),
-    Reading("distorted as by a lens of k1", _distorted, _LENS, 0.05, "", 0.015),
+    KnownMistake("to the right", plus(0.5, 0), _PIXEL, 0.5, " px", 0.3),
+    KnownMistake("down", plus(0, 0.5), _PIXEL, 0.5, " px", 0.3),
+    KnownMistake("too large along x", times(1.05, 1), _GRID, 5, " %", 3),
+    KnownMistake("too large along y", times(1, 1.05), _GRID, 5, " %", 3),
+    KnownMistake("distorted as by a lens of k1", _distorted, _LENS, 0.05, "", 0.015),
 )
 
 TABLE = Table(
@@ -180,7 +180,7 @@ TABLE = Table(
             _OTHER,
             _in_boxes,
             rough=0.25,
-            search=in_order((), 1),
+            search=search_order((), 1),
         ),
         Group(
             "joints_are_not_shifted_or_scaled",
@@ -196,10 +196,12 @@ TABLE = Table(
             "confidence",
             "of a unit vector",
             (
-                Reading("inverted", lambda rows, _: 1 - rows, "1 is sure."),
-                Reading("of the joint before", lambda rows, _: np.roll(rows, 1, 1), _ONE_ORDER),
-                Reading("of the next joint", lambda rows, _: np.roll(rows, -1, 1), _ONE_ORDER),
-                Reading("of the other side", _other_sides, _ONE_ORDER),
+                KnownMistake("inverted", lambda rows, _: 1 - rows, "1 is sure."),
+                KnownMistake(
+                    "of the joint before", lambda rows, _: np.roll(rows, 1, 1), _ONE_ORDER
+                ),
+                KnownMistake("of the next joint", lambda rows, _: np.roll(rows, -1, 1), _ONE_ORDER),
+                KnownMistake("of the other side", _other_sides, _ONE_ORDER),
             ),
             normalised,
             is_telling=True,
@@ -210,9 +212,9 @@ TABLE = Table(
             "world",
             "m",
             (
-                Reading("with x to the left", times(-1, 1, 1), "x points right in the photo."),
-                Reading("with y up", times(1, -1, 1), "y points down."),
-                Reading("too large", times(2), "Is it in meters?", 100, " %", 40),
+                KnownMistake("with x to the left", times(-1, 1, 1), "x points right in the photo."),
+                KnownMistake("with y up", times(1, -1, 1), "y points down."),
+                KnownMistake("too large", times(2), "Is it in meters?", 100, " %", 40),
             ),
             rough=0.5,
             after=("joints_are_those_of_the_person",),

@@ -58,7 +58,7 @@ _TELLING = 0.02  # share of the largest mistake from which on a unit shows it
 
 
 @dataclass(frozen=True)
-class Reading:
+class KnownMistake:
     """What a known mistake makes of the truth.
 
     Attributes:
@@ -138,7 +138,7 @@ class Group:
         centred: only differences between the units count.
         rough: largest median error over the units.
         search: returns the reading that fits the outputs best, of a kind that has too many to
-            list; see :func:`in_order`.
+            list; see :func:`search_order`.
         is_telling: the value is a probability, which differs between photos.
         after: names of further checks that come first.
     """
@@ -147,11 +147,11 @@ class Group:
     what: str
     key: str
     unit: str
-    readings: tuple[Reading, ...]
+    readings: tuple[KnownMistake, ...]
     vectors: VectorsOf = rows
     centred: bool = False
     rough: float = float("inf")
-    search: Callable[[str, Sequence[tuple[Values, Truth]]], list[Reading]] | None = None
+    search: Callable[[str, Sequence[tuple[Values, Truth]]], list[KnownMistake]] | None = None
     is_telling: bool = False
     after: tuple[str, ...] = ()
 
@@ -211,9 +211,9 @@ def compare(subject: BackendUnderTest, group: Group) -> None:
     is_blind = bool(BLIND & subject.declared)
     if group.is_telling and not is_blind:
         expect_telling(np.concatenate([v[group.key].ravel() for v, _ in evidence]), group.what)
-    true = _units(group, [(truth[group.key], truth) for _, truth in evidence])
-    answered = _units(group, [(values[group.key], truth) for values, truth in evidence])
-    off = _apart(answered, true)
+    true = _unit_vectors(group, [(truth[group.key], truth) for _, truth in evidence])
+    answered = _unit_vectors(group, [(values[group.key], truth) for values, truth in evidence])
+    off = _differences(answered, true)
     finite = [unit for unit in off if np.isfinite(unit).any()]
     if len(finite) < MIN_UNITS:
         raise CheckSkipped(f"{len(finite)} people or photos to compare, {MIN_UNITS} are needed")
@@ -222,7 +222,9 @@ def compare(subject: BackendUnderTest, group: Group) -> None:
     for reading in [] if _is_constant(answered, true) else readings:
         if reading.shows_when_blind or not is_blind:
             pairs = [(reading.make(truth[group.key], truth), truth) for _, truth in evidence]
-            share, left = _share_and_rest(group, reading, off, _apart(_units(group, pairs), true))
+            share, left = _mistake_share_and_rest(
+                group, reading, off, _differences(_unit_vectors(group, pairs), true)
+            )
             if share and left < reading.left:
                 likely.append((left, share, reading))
     rough = float(np.median([np.sqrt(np.nanmean(unit**2)) for unit in finite]))
@@ -235,7 +237,7 @@ def compare(subject: BackendUnderTest, group: Group) -> None:
     expect(rough <= group.rough, group.what, words)
 
 
-def _units(group: Group, pairs: Iterable[tuple[Any, Truth]]) -> list[FloatArray]:
+def _unit_vectors(group: Group, pairs: Iterable[tuple[Any, Truth]]) -> list[FloatArray]:
     """Return the vectors of all units of values, each given with the truth of its photo."""
     return [
         np.asarray(unit, np.float64)
@@ -244,8 +246,10 @@ def _units(group: Group, pairs: Iterable[tuple[Any, Truth]]) -> list[FloatArray]
     ]
 
 
-def _apart(one: Sequence[FloatArray], other: Sequence[FloatArray]) -> list[FloatArray]:
-    return [first - second for first, second in zip(one, other, strict=True)]
+def _differences(
+    first_list: Sequence[FloatArray], second_list: Sequence[FloatArray]
+) -> list[FloatArray]:
+    return [first - second for first, second in zip(first_list, second_list, strict=True)]
 
 
 def _is_constant(answered: Sequence[FloatArray], true: Sequence[FloatArray]) -> bool:
@@ -255,8 +259,8 @@ def _is_constant(answered: Sequence[FloatArray], true: Sequence[FloatArray]) -> 
     return bool(varies < _CONSTANT * spread)
 
 
-def _share_and_rest(
-    group: Group, reading: Reading, off: Sequence[FloatArray], mistakes: Sequence[FloatArray]
+def _mistake_share_and_rest(
+    group: Group, reading: KnownMistake, off: Sequence[FloatArray], mistakes: Sequence[FloatArray]
 ) -> tuple[float, float]:
     """Return the median share of a mistake, 0 unless most units show it, and the share of the
     squared error that is left if it is undone.
@@ -270,7 +274,7 @@ def _share_and_rest(
     is_large = abs(middle) > limit and (reading.size > 0 or 0 < middle < MADE_ONCE)
     if not is_large or (share * np.sign(middle) > limit / 2).mean() < AGREE:
         return 0, 1
-    rest = _apart(off, [middle * mistake for mistake in mistakes])
+    rest = _differences(off, [middle * mistake for mistake in mistakes])
     left, whole = (sum(float(np.nansum(unit**2)) for unit in units) for units in (rest, off))
     return middle, 0 if group.centred else left / max(whole, 1e-30)
 
@@ -317,14 +321,14 @@ def check_stated_errors_hold(subject: BackendUnderTest) -> None:
     )
 
 
-def in_order(
+def search_order(
     names: Sequence[str], axis: int
-) -> Callable[[str, Sequence[tuple[Values, Truth]]], list[Reading]]:
+) -> Callable[[str, Sequence[tuple[Values, Truth]]], list[KnownMistake]]:
     """Return the search for the order in which parts along an axis fit the truth best; without
     names, they are ``names`` of the truth.
     """
 
-    def search(key: str, evidence: Sequence[tuple[Values, Truth]]) -> list[Reading]:
+    def search(key: str, evidence: Sequence[tuple[Values, Truth]]) -> list[KnownMistake]:
         from scipy.optimize import linear_sum_assignment
 
         parts = names or evidence[0][1]["names"]
@@ -341,6 +345,6 @@ def in_order(
         pairs = [f"{parts[j]} for {parts[k]}" for j, k in enumerate(best) if j != k]
         words = f"reordered: {', '.join(pairs[:4])}"
         hint = f"Is it the order of another data set? It is {', '.join(parts[:5])}, ..."
-        return [Reading(words, reordered(best, axis), hint)] if pairs else []
+        return [KnownMistake(words, reordered(best, axis), hint)] if pairs else []
 
     return search

@@ -37,7 +37,7 @@ def check_constructs_quickly_and_offline(subject: BackendUnderTest) -> None:
     options = subject.options_for()
     gc.collect()
     memory = resident_megabytes()
-    kept = _quick(subject, "the constructor", lambda: subject.kind(options))
+    kept = _timed_calls(subject, "the constructor", lambda: subject.kind(options))
     memory = (resident_megabytes() - memory) / len(kept)
     expect(
         memory < MAX_MEGABYTES,
@@ -55,7 +55,7 @@ def check_tells_what_is_missing_before_load(subject: BackendUnderTest) -> None:
         "fingerprint()": lambda: subject.new_instance().fingerprint(),
     }
     for name, call in calls.items():
-        answers = _quick(subject, name, call)
+        answers = _timed_calls(subject, name, call)
         expect(
             all(answer == answers[0] for answer in answers),
             f"{name} to return the same in each call",
@@ -134,7 +134,7 @@ def _try_step(subject: BackendUnderTest, step: str, call: Callable[[], Any]) -> 
     return ""
 
 
-def _quick(subject: BackendUnderTest, name: str, call: Callable[[], Any]) -> list[Any]:
+def _timed_calls(subject: BackendUnderTest, name: str, call: Callable[[], Any]) -> list[Any]:
     """Return the results of two or three calls, of which the fastest is fast, without network."""
     answers: list[Any] = []
     best = float("inf")

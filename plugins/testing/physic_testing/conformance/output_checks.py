@@ -115,12 +115,12 @@ def check_output_depends_on_the_photo_alone(subject: BackendUnderTest) -> None:
     expect_same(
         f"the output of a new instance for the photo '{later}', after '{earlier}' of the same size",
         subject.result(later),
-        _of_new_instance(subject, later),
+        _infer_with_new_instance(subject, later),
         "Is a result, a camera or a buffer kept by the size of the photo, or from the call before?",
     )
 
 
-def _of_new_instance(subject: BackendUnderTest, name: str) -> Any:
+def _infer_with_new_instance(subject: BackendUnderTest, name: str) -> Any:
     """Return the output of a new instance for a photo."""
     case = subject.case(name)
     backend = subject.construct(case)

@@ -16,7 +16,7 @@ from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.known_mistakes import (
     MIN_UNITS,
     Group,
-    Reading,
+    KnownMistake,
     Table,
     check_stated_errors_hold,
     reordered,
@@ -146,14 +146,14 @@ TABLE = Table(
             "touch",
             "of a probability",
             (
-                Reading("inverted", lambda p, _: (1 - p) / 4, "1 is touch."),
-                Reading(
+                KnownMistake("inverted", lambda p, _: (1 - p) / 4, "1 is touch."),
+                KnownMistake(
                     "with left and right exchanged",
                     reordered(mirrored_order(TOUCH_PARTS)),
                     _OWN_LEFT,
                 ),
-                Reading("with hands for feet", reordered([2, 3, 0, 1, *range(4, 10)]), _ORDER),
-                Reading(
+                KnownMistake("with hands for feet", reordered([2, 3, 0, 1, *range(4, 10)]), _ORDER),
+                KnownMistake(
                     "with answers in another order", reordered([4, 0, 1, 2, 3], axis=2), _ANSWERS
                 ),
             ),
@@ -164,7 +164,7 @@ TABLE = Table(
             "head",
             "",
             tuple(
-                Reading(words, times(*factors), _AXES)
+                KnownMistake(words, times(*factors), _AXES)
                 for words, factors in {
                     "into the face": (-1, -1, -1),
                     "with x to the left": (-1, 1, 1),

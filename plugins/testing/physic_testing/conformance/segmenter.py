@@ -9,7 +9,14 @@ import numpy as np
 from physic_core.backends.people import boxes_from_masks
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import expect
-from physic_testing.conformance.known_mistakes import Group, Reading, Table, flipped, plus, shifted
+from physic_testing.conformance.known_mistakes import (
+    Group,
+    KnownMistake,
+    Table,
+    flipped,
+    plus,
+    shifted,
+)
 from physic_testing.conformance.output_checks import COLOURS, WITHOUT_PEOPLE
 from physic_testing.metrics import mask_iou
 
@@ -93,14 +100,14 @@ _EXCLUSIVE = (
 )
 
 
-def _in_place(limit: float) -> tuple[Reading, ...]:
+def _in_place(limit: float) -> tuple[KnownMistake, ...]:
     """Return the readings of masks that are moved by more than ``limit`` px."""
     return (
-        Reading("mirrored", flipped(2), _TURNED),
-        Reading("upside down", flipped(1), _TURNED),
-        Reading("to the right", shifted(2), _PADDING, 1, " px", limit),
-        Reading("down", shifted(1), _PADDING, 1, " px", limit),
-        Reading("larger about the photo's center", _larger, _PADDING, 2, " %", 0.75),
+        KnownMistake("mirrored", flipped(2), _TURNED),
+        KnownMistake("upside down", flipped(1), _TURNED),
+        KnownMistake("to the right", shifted(2), _PADDING, 1, " px", limit),
+        KnownMistake("down", shifted(1), _PADDING, 1, " px", limit),
+        KnownMistake("larger about the photo's center", _larger, _PADDING, 2, " %", 0.75),
     )
 
 
@@ -147,7 +154,7 @@ TABLE = Table(
             "of a mask",
             (
                 *_in_place(0.5),
-                Reading("farther out on all sides", _farther_out, _DILATED, 1, " px", 2.5),
+                KnownMistake("farther out on all sides", _farther_out, _DILATED, 1, " px", 2.5),
             ),
             _blurred,
             after=("masks_lie_on_people",),
@@ -159,8 +166,8 @@ TABLE = Table(
             "of a mask",
             (
                 *_in_place(0.3),
-                Reading("inverted", lambda floor, _: 1 - floor, "True marks the floor."),
-                Reading(
+                KnownMistake("inverted", lambda floor, _: 1 - floor, "True marks the floor."),
+                KnownMistake(
                     "with people",
                     lambda floor, truth: np.maximum(floor, truth["masks"].any(axis=0)),
                     "Where people are, the floor is False.",
@@ -174,7 +181,7 @@ TABLE = Table(
             "boxes",
             "px",
             tuple(
-                Reading(f"too far at the {edge}", plus(*step), _EXCLUSIVE, 1, " px", 0.5)
+                KnownMistake(f"too far at the {edge}", plus(*step), _EXCLUSIVE, 1, " px", 0.5)
                 for edge, step in zip(("left", "top", "right", "bottom"), np.eye(4), strict=True)
             ),
             rough=8,

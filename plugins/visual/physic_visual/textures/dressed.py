@@ -20,7 +20,7 @@ from physic_core.geometry import up_in_camera, vertex_areas, vertex_normals
 from physic_visual.palette import BODY_RGB
 from physic_visual.render import prepare_meshes
 from physic_visual.rig import body_at_hand
-from physic_visual.scene_mesh import kept_for_next_picture
+from physic_visual.scene_mesh import cached_for_last_result
 from physic_visual.textures.photo import SHOWN, photo_colors, photo_weights
 from physic_visual.textures.raster import (
     TextureCoordinates,
@@ -91,7 +91,7 @@ class DressedBodies:
     caster: RayCaster | None = None
 
 
-@kept_for_next_picture
+@cached_for_last_result
 def dressed_bodies(result: Reconstruction) -> DressedBodies:
     """Return the colours of the people of a result."""
     posed = [index for index, person in enumerate(result.people) if person.has_body]
@@ -115,7 +115,7 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
             normals,
             weight,
             fill,
-            colors=_mixed(photo, near, _shaded_skin(fill, normals, result)),
+            colors=_blend_with_photo(photo, near, _shaded_skin(fill, normals, result)),
             guessed_share=(1 - visible_share).astype(np.float32),
             shown_share=float(areas[visible_share > SHOWN].sum() / max(areas.sum(), 1e-12)),
         )
@@ -123,7 +123,7 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
     return DressedBodies(people, texture_coordinates("embedded") if is_embedded else None, bodies)
 
 
-@kept_for_next_picture
+@cached_for_last_result
 def dressed_images(result: Reconstruction) -> dict[int, UInt8Array]:
     """Return person -> texture (N, N, 3) uint8 sRGB; none of bodies without texture coordinates."""
     dressed = dressed_bodies(result)
@@ -158,7 +158,7 @@ def dressed_texture(
     for part in raster.parts():
         points, weight, beside = np.split(part.interpolate(faces, values), [3, 4], axis=1)
         photo, visible_share, near = photo_colors(result, index, points, weight[:, 0])
-        colors.append(_mixed(photo, near, beside))
+        colors.append(_blend_with_photo(photo, near, beside))
         filled.append(np.round(255 * (1 - visible_share)).astype(np.uint8))
     return raster.image(np.concatenate(colors)), raster.image(np.concatenate(filled))
 
@@ -248,7 +248,9 @@ def _fill(
     return solved
 
 
-def _mixed(photo: Float64Array, weight: Float64Array, beside: Float64Array) -> UInt8Array:
+def _blend_with_photo(
+    photo: Float64Array, weight: Float64Array, beside: Float64Array
+) -> UInt8Array:
     """Return the colours of the photo by their weight (n,), and others for the rest."""
     blend = np.minimum(weight, 1)[:, None]
     return np.clip(np.round(blend * photo + (1 - blend) * beside), 0, 255).astype(np.uint8)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from physic_visual.scene_mesh import kept_for_next_picture
+from physic_visual.scene_mesh import cached_for_last_result
 from physic_visual.textures.raster import pad_texture
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ class _MaskPicture:
     height: float
 
 
-@kept_for_next_picture
+@cached_for_last_result
 def _mask_pictures(result: Reconstruction) -> tuple[_MaskPicture | None, ...]:
     """Return the picture of each person's mask; None of an empty mask."""
     return tuple(_mask_picture(result.image, one.mask) for one in result.people)

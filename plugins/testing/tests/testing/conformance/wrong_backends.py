@@ -115,7 +115,7 @@ def work():
 
 
 @wrong("what is missing, found by reading it", "tells_what_is_missing_before_load")
-class Reading(RightDepth):
+class KnownMistake(RightDepth):
     def missing(self):
         work()
         return ()
