@@ -17,7 +17,7 @@ from physic_core.io.keypoint_file import GivenKeypoints, read_keypoints
 from physic_core.io.photo import Photo, limit_size
 from physic_core.prepare.border import Border, cut_border, limit_inside
 from physic_core.prepare.frame import Frame, find_frame
-from physic_core.prepare.suspect import photo_warnings
+from physic_core.prepare.photo_warnings import photo_warnings
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, Lens, PeoplePrompt
 
 if TYPE_CHECKING:
