@@ -251,21 +251,21 @@ def _people(
     for index in wanted:
         if not 0 <= index < count:
             many = f"people are numbered 0 to {count - 1}: choose one of them"
-            there = ("no person was found in the photo", "choose 0, the only one", many)[
+            advice = ("no person was found in the photo", "choose 0, the only one", many)[
                 min(count, 2)
             ]
-            raise ConfigError(f"there is no person {index}: {there}")
+            raise ConfigError(f"there is no person {index}: {advice}")
         if person is not None and index in bodiless:
             raise ConfigError(
                 f"person {index} has no body, only a box and keypoints: the body estimator "
                 "returned no finite values for them; choose another person"
             )
-    kept = tuple(index for index in wanted if index not in bodiless)
-    if kind.bodies == "required" and not kept:
+    with_bodies = tuple(index for index in wanted if index not in bodiless)
+    if kind.bodies == "required" and not with_bodies:
         why = "no person of this result has a body" if count else "no person was found in the photo"
         raise InputError(f"cannot export to {kind.name}, which holds people: {why}")
     left = sorted(bodiless.intersection(wanted))
-    return kept, tuple(f"person {index} has no body and is skipped" for index in left)
+    return with_bodies, tuple(f"person {index} has no body and is skipped" for index in left)
 
 
 def _options(kind: ExporterRecord, given: Mapping[str, str | bool]) -> dict[str, str | bool]:

@@ -49,23 +49,23 @@ def make_pictures(
     """
     from threadpoolctl import threadpool_limits
 
-    found = require_pictures()
+    makers = require_pictures()
     # Matrices of three columns: further threads of BLAS would take as much processor time again,
     # waiting.
     with threadpool_limits(limits=1, user_api="blas"):
         title = title or getattr(result, "photo_name", "") or "Reconstruction"
-        made = import_and_call(found, _ROLE, result, names, title)
+        made = import_and_call(makers, _ROLE, result, names, title)
     pictures = dict[str, bytes]()
     for name in names:
         content = made.get(name) if isinstance(made, Mapping) else made
         if not isinstance(content, bytes):
             raise PluginError(
-                f"{found.title(_ROLE)} should return the bytes of {name}, got "
+                f"{makers.title(_ROLE)} should return the bytes of {name}, got "
                 f"{str(content)[:60]!r} ({type(content).__name__})"
             )
         if name == REPORT_FILE and PAGE_MARK.encode() not in content[:HEAD_BYTES]:
             raise PluginError(
-                f"{found.title(_ROLE)} should make a page with {PAGE_MARK} in its first "
+                f"{makers.title(_ROLE)} should make a page with {PAGE_MARK} in its first "
                 f"{HEAD_BYTES} bytes, got {content[:60]!r}"
             )
         pictures[name] = content
@@ -97,13 +97,13 @@ def require_pictures() -> Found[PluginItem]:
         PackageMissingError: no plugin does.
         ConfigError: several do.
     """
-    found = find_items("physic_pictures")
-    if not found:
+    makers = find_items("physic_pictures")
+    if not makers:
         raise PackageMissingError(
             f"pictures and pages of a result are made by {absence_message(_DISTRIBUTION)}; "
             '--save numbers (save="numbers" in Python) needs none'
         )
-    if len(found) > 1:
-        names = " and ".join(one.distribution for one in found)
+    if len(makers) > 1:
+        names = " and ".join(one.distribution for one in makers)
         raise ConfigError(f"pictures of a result are made by {names}: uninstall one of them")
-    return found[0]
+    return makers[0]

@@ -63,15 +63,17 @@ def keypoint_similarity(
     """
     kinds = [name.removesuffix("_surface").split("_")[-1] for name in names]
     columns = [j for j, kind in enumerate(kinds) if kind in _OKS_SIGMAS]
-    at = np.asarray(points[:, columns], np.float64)
-    sure = confidence[:, columns]
-    known = (sure > 0)[..., None]
-    sides = np.where(known, at, -np.inf).max(1) - np.where(known, at, np.inf).min(1)
+    keypoint_px = np.asarray(points[:, columns], np.float64)
+    chosen_confidence = confidence[:, columns]
+    known = (chosen_confidence > 0)[..., None]
+    sides = np.where(known, keypoint_px, -np.inf).max(1) - np.where(known, keypoint_px, np.inf).min(
+        1
+    )
     area = np.maximum(sides, 0.0).prod(-1)
     scale = np.maximum((area[:, None] + area) / 2, 1.0)[..., None]
     sigmas = 2 * np.array([_OKS_SIGMAS[kinds[j]] for j in columns])
-    apart = np.square(at[:, None] - at).sum(-1)
-    weight = np.minimum(sure[:, None], sure)
+    apart = np.square(keypoint_px[:, None] - keypoint_px).sum(-1)
+    weight = np.minimum(chosen_confidence[:, None], chosen_confidence)
     near = np.where(weight > 0, np.exp(-apart / (2 * scale * sigmas**2)), 0.0)
     similarity: FloatArray = (weight * near).sum(-1) / np.maximum(weight.sum(-1), 1e-9)
     return similarity

@@ -237,20 +237,20 @@ class _Sparse(PickledObject):
         from scipy.sparse import csc_matrix, csr_matrix
 
         shape = _shape(self.part("shape") if self.part("_shape") is None else self.part("_shape"))
-        data, places, ends = (as_array(self.part(name)) for name in ("data", "indices", "indptr"))
+        data, indices, ends = (as_array(self.part(name)) for name in ("data", "indices", "indptr"))
         if (
             data.dtype.kind not in "fiu"
-            or places.dtype.kind not in "iu"
+            or indices.dtype.kind not in "iu"
             or ends.dtype.kind not in "iu"
         ):
             raise InvalidArrayError(
-                f"is a sparse matrix of {data.dtype} by {places.dtype}, not of numbers"
+                f"is a sparse matrix of {data.dtype} by {indices.dtype}, not of numbers"
             )
         if prod(shape) > _MAX_MATRIX_SIZE:
             raise InvalidArrayError(
                 f"is a sparse matrix of shape {shape}, larger than any body model's"
             )
-        parts = data.astype(data.dtype.newbyteorder("=")), places, ends
+        parts = data.astype(data.dtype.newbyteorder("=")), indices, ends
         matrix = (
             csc_matrix(parts, shape=shape) if self.by_column else csr_matrix(parts, shape=shape)
         )

@@ -50,8 +50,8 @@ def rotations_from_parameters(
                 f" give a rotation vector in radians for each of its {count} joints"
             )
         # An array of a plugin may be a view with negative strides, or read-only.
-        own = torch.from_numpy(np.require(value, requirements=["C", "W"]))
-        columns.append(own.to(device=device, dtype=dtype).view(rows, count, 3))
+        writable = torch.from_numpy(np.require(value, requirements=["C", "W"]))
+        columns.append(writable.to(device=device, dtype=dtype).view(rows, count, 3))
     return rotvec_to_rotmat(torch.cat(columns, 1))
 
 

@@ -412,13 +412,14 @@ def smplx_arrays(path: str | Path, *, num_betas: int = 10, num_expression: int =
     """Read the arrays of a SMPL-X file; arguments and errors as of :func:`load_smplx`."""
     arrays = read_model_file(Path(path), SMPLX)
     num_shape, num_faces = _COLUMNS[arrays["shapedirs"].shape[2]]
-    for name, wanted, there in (
+    for name, wanted, available in (
         ("num_betas", num_betas, num_shape),
         ("num_expression", num_expression, num_faces),
     ):
-        if not 0 <= wanted <= there:
+        if not 0 <= wanted <= available:
             raise BodyModelError(
-                f"{path}: {name} is {wanted}, but the file has {there}: ask for 0 to {there}"
+                f"{path}: {name} is {wanted}, but the file has {available}: "
+                f"ask for 0 to {available}"
             )
     used = [*range(num_betas), *range(num_shape, num_shape + num_expression)]
     shapedirs = arrays["shapedirs"][:, :, used].astype(np.float32)

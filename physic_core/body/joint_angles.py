@@ -49,7 +49,7 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
     pose = np.asarray(body_pose, np.float64).reshape(21, 3)
     turns = _ISB @ rotvec_to_rotmat_numpy(np.nan_to_num(pose)) @ _ISB.T
     turns[np.isnan(pose).any(1)] = np.nan
-    found = [
+    rotations = [
         (
             tuple(f"{name}_{word}" for word in _TRUNK_TURNS),
             (-1, 1, 1),
@@ -66,14 +66,14 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
             if limb in ("shoulder", "elbow"):
                 turn = (lowered if limb == "elbow" else np.eye(3)) @ turn @ lowered.T
             names = tuple(f"{side}_{limb}_{word}" for word in words)
-            found.append((names, (-1 if limb == "knee" else 1, -sign, sign), turn))
+            rotations.append((names, (-1 if limb == "knee" else 1, -sign, sign), turn))
             if limb == "shoulder":
                 elevation = np.degrees(np.arccos(np.clip(turn[1, 1], -1, 1)))
                 elevations[f"{side}_shoulder_elevation"] = float(elevation)
-    zxy = _angles(np.stack([turn for *_, turn in found]))
+    zxy = _angles(np.stack([turn for *_, turn in rotations]))
     angles = {
         name: sign * angle
-        for (names, signs, _), row in zip(found, zxy.tolist(), strict=True)
+        for (names, signs, _), row in zip(rotations, zxy.tolist(), strict=True)
         for name, sign, angle in zip(names, signs, row, strict=True)
     }
     return {name: angle + 0.0 for name, angle in (angles | elevations).items()}  # no "-0"

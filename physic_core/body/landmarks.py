@@ -251,8 +251,10 @@ def _pick_face(mesh: TPoseMesh) -> dict[str, Int64Array]:
     whole_head = mesh.part_of_vertex == PART_NAMES.index("head")
     eyes = mesh.joints[joint_pair("eye")]
     picks: dict[str, Int64Array] = {}
-    middle = head & (np.abs(mesh.vertices[:, 0]) < 0.015)
-    picks["nose"] = _furthest(mesh, middle if middle.any() else head, np.array([0.0, 0.0, 1.0]), 2)
+    midline = head & (np.abs(mesh.vertices[:, 0]) < 0.015)
+    picks["nose"] = _furthest(
+        mesh, midline if midline.any() else head, np.array([0.0, 0.0, 1.0]), 2
+    )
     nose = mesh.vertices[picks["nose"]].mean(0)
     mouth_height = nose[1] - _MOUTH_DROP * (eyes[:, 1].mean() - nose[1])
     for side, sign, eye in zip(SIDES, (1.0, -1.0), eyes, strict=True):

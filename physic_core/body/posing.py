@@ -371,12 +371,17 @@ def _tree_gradients(
     """
     kinematics = tree.kinematics
     turn = world[..., :3]
-    place = world[..., 3]
+    positions = world[..., 3]
     pull = _multiply_joints(tree.family, by_place)
-    bones = place - place.index_select(1, kinematics.parents)
-    own = by_turn @ turn.transpose(-1, -2)
+    bones = positions - positions.index_select(1, kinematics.parents)
+    rotation_gradient = by_turn @ turn.transpose(-1, -2)
     lever = pull[..., None] * bones[..., None, :]
-    twist = _multiply_joints(tree.family, (own + lever).flatten(2)).reshape(own.shape) - lever
+    twist = (
+        _multiply_joints(tree.family, (rotation_gradient + lever).flatten(2)).reshape(
+            rotation_gradient.shape
+        )
+        - lever
+    )
     upper = parent_rotations(turn, kinematics.parents)
     by_offset = (pull[..., None, :] @ upper)[..., 0, :]
     if kinematics.bind_rot is not None:

@@ -237,12 +237,12 @@ def _read_code(files: list[Path]) -> _Code | None:
         return None
     if len(files) > _MAX_NAMED_FILES:
         return None
-    places: list[Path] = []
+    paths: list[Path] = []
     for name in sorted(imported - sys.stdlib_module_names):
-        places += (found := _sources(name))
+        paths += (found := _sources(name))
         if not found and not is_declared:
             digest.update(f"{name} {versions_of(name)};".encode())
-    return _Code(digest.digest(), tuple(dict.fromkeys(places)))
+    return _Code(digest.digest(), tuple(dict.fromkeys(paths)))
 
 
 def _imported(source: bytes) -> set[str]:
@@ -287,16 +287,18 @@ def _sources(name: str) -> list[Path]:
         spec = find_spec(name)
     if spec is None:
         return []
-    alone = spec.has_location and spec.origin is not None
-    places = (
-        [Path(spec.origin or "")] if alone else map(Path, spec.submodule_search_locations or ())
+    is_single_file = spec.has_location and spec.origin is not None
+    paths = (
+        [Path(spec.origin or "")]
+        if is_single_file
+        else map(Path, spec.submodule_search_locations or ())
     )
-    own = [
-        place for place in places if name.startswith(_OURS) or _INSTALLED.isdisjoint(place.parts)
+    own_code = [
+        place for place in paths if name.startswith(_OURS) or _INSTALLED.isdisjoint(place.parts)
     ]
-    if alone:
-        return [place for place in own if place.suffix in _MODULES]
-    return [path for place in own for path in islice(sorted(place.rglob("*.py")), _MAX_FILES)]
+    if is_single_file:
+        return [place for place in own_code if place.suffix in _MODULES]
+    return [path for place in own_code for path in islice(sorted(place.rglob("*.py")), _MAX_FILES)]
 
 
 _known: dict[str, str] = {}

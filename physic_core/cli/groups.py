@@ -65,8 +65,8 @@ def _no_command_message(name: str, ctx: click.Context) -> str:
     elif name in ("help", "version"):
         cure = f": write {path} --{name}"
     else:
-        there = ctx.command.list_commands(ctx) if isinstance(ctx.command, click.Group) else []
-        cure = did_you_mean(name, there) or f"; there are: {', '.join(there)}"
+        commands = ctx.command.list_commands(ctx) if isinstance(ctx.command, click.Group) else []
+        cure = did_you_mean(name, commands) or f"; there are: {', '.join(commands)}"
     return f"No such command '{name}'{cure}"
 
 

@@ -62,10 +62,10 @@ def print_summary(
         if one.is_missing
     ]
     useful = sorted(record.notes, key=_is_informative_only)
-    shown = useful[:notes]
-    lines += [f"note: {text}" for text in shown]
-    if more := len(useful) - len(shown):
-        lines.append(f"notes not shown: {more}; physic show {folder} --notes prints them")
+    printed_notes = useful[:notes]
+    lines += [f"note: {text}" for text in printed_notes]
+    if num_hidden := len(useful) - len(printed_notes):
+        lines.append(f"notes not shown: {num_hidden}; physic show {folder} --notes prints them")
     lines += [f"warning: {text}" for text in record.warnings]
     if verbose:
         lines += [f"{stage.name}: {stage.seconds:.1f} s" for stage in stages]
@@ -95,11 +95,11 @@ def _person_lines(person: Mapping[str, Any]) -> Iterator[str]:
     """
     distance = person["distance_m"]
     sigma = person["distance_sigma_m"]
-    place = "no body"
+    distance_text = "no body"
     if distance is not None:
         away = metres_text(distance, None if sigma is None else sigma / distance, 1)
-        place = f"{away} away"
-    yield f"person {person['person']}: {place}, {marks_text(marks_of_row(person))}"
+        distance_text = f"{away} away"
+    yield f"person {person['person']}: {distance_text}, {marks_text(marks_of_row(person))}"
     contacts = "; ".join(filter(None, (person["contacts"], person["assumed"])))
     texts = {
         "contact": contacts or ("none" if distance is not None else ""),

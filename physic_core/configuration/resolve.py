@@ -234,8 +234,8 @@ def check_input_files(config: Config) -> None:
         try:
             check_regular(Path(path))
         except OSError as error:
-            where = f"{config.source(name)}: {name}"
-            raise InputError(f"{where}: cannot read {path}: {unreadable(error)}") from error
+            setting = f"{config.source(name)}: {name}"
+            raise InputError(f"{setting}: cannot read {path}: {unreadable(error)}") from error
 
 
 def format_missing(texts: Sequence[str], end: str) -> str:

@@ -78,7 +78,7 @@ def find_backend(interface: str, name: str) -> Offer:
     if len(offers) == 1:
         return offers[0]
     if offers:
-        ways = " or ".join(f"'{one.distribution}:{one.name}'" for one in offers)
+        ways = " or ".join(f"'{offer.distribution}:{offer.name}'" for offer in offers)
         raise AmbiguousBackendError(
             f"{' and '.join(map(str, offers))} have one name: write {ways} to choose"
         )
@@ -108,17 +108,17 @@ def find_by_name(name: str) -> tuple[Offer, ...]:
     if not TARGET.fullmatch(target):
         raise BackendNotFoundError(f"{_explain_missing(target, None)} (Python: {sys.executable})")
     kind = _import_target(Offer("", target, name, _IN_CONFIG), f"'{target}'")
-    own = [
+    matches = [
         name
         for name, wanted in INTERFACES.items()
         if isinstance(kind, type) and issubclass(kind, wanted)
     ]
-    if len(own) != 1:
+    if len(matches) != 1:
         names = ", ".join(wanted.__name__ for wanted in INTERFACES.values())
         raise BackendError(
             f"'{target}' should be a subclass of one class of physic_core.interfaces: {names}"
         )
-    return (Offer(f"physic.{own[0]}", target, name, _IN_CONFIG),)
+    return (Offer(f"physic.{matches[0]}", target, name, _IN_CONFIG),)
 
 
 def load_class(offer: Offer) -> type[Backend]:
@@ -225,12 +225,12 @@ def _explain_missing(name: str, interface: str | None) -> str:
     """Return why no backend has this name, and what to install or to write instead."""
     offers = list_backends(interface)
     names = sorted({offer.name for offer in offers})
-    there = (
+    installed = (
         f"installed: {', '.join(names) or 'none'}"
         if interface
         else "`physic plugins` lists what is installed"
     )
-    parts = [f"no {interface or 'backend'} named '{name}'; {there}"]
+    parts = [f"no {interface or 'backend'} named '{name}'; {installed}"]
     if restricted_to() is not None:
         # First, since a restriction may hide plugins that the later advice would install.
         parts.append(

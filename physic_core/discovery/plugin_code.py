@@ -80,7 +80,7 @@ def _separate_stdout() -> Iterator[None]:
     stream = sys.stdout
     try:
         number = stream.fileno()
-        kept = os.dup(number)
+        saved_descriptor = os.dup(number)
     except (AttributeError, OSError, ValueError):  # closed, or no file
         yield
         return
@@ -88,13 +88,13 @@ def _separate_stdout() -> Iterator[None]:
     with suppress(OSError):  # stderr is closed
         os.dup2(2, number)
     sys.stdout = open(  # noqa: SIM115 -- closed below, after the descriptor is restored
-        kept,
+        saved_descriptor,
         "w",
         encoding=stream.encoding,
         errors=stream.errors,
         buffering=1 if stream.isatty() else -1,
     )
-    own = sys.stdout
+    stdout = sys.stdout
     try:
         yield
     finally:
@@ -102,6 +102,6 @@ def _separate_stdout() -> Iterator[None]:
         with suppress(OSError, ValueError):
             stream.flush()
         with suppress(OSError):
-            os.dup2(kept, number)
+            os.dup2(saved_descriptor, number)
         with suppress(OSError):  # of what could not be printed, which was reported
-            own.close()  # writes what is buffered
+            stdout.close()  # writes what is buffered

@@ -101,9 +101,9 @@ def broken_plugins() -> tuple[BrokenPlugin, ...]:
     for offer in installed_offers():
         if problem := group_problem(offer.group):
             broken.append(BrokenPlugin(offer.distribution, offer.version, problem))
-    here = {canonicalize_name(offer.distribution) for offer in installed_offers()}
+    installed = {canonicalize_name(offer.distribution) for offer in installed_offers()}
     for name in restricted_to() or ():
-        if name not in here:
+        if name not in installed:
             broken.append(BrokenPlugin(name, "", f"named in {PLUGINS_VARIABLE}, and not installed"))
     return tuple({str(one): one for one in broken}.values())
 
@@ -293,9 +293,9 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
     parts = wanted.replace(".", "").split(",")
     if {each.record.name for each in exporters}.issuperset(parts):
         hint = f"; write --to {parts[0]}" + ", and one command for each" * (len(parts) > 1)
-    for way, formats in _WAYS.items():
+    for alternative, formats in _WAYS.items():
         if wanted in formats.split():
-            hint = f"; for {wanted}, write {way}"
+            hint = f"; for {wanted}, write {alternative}"
     raise ConfigError(
         f"{what}: {choose} (--to, or format= in Python; physic export --list says what each is "
         f"for){hint}"

@@ -92,17 +92,17 @@ def _with_keypoints(
     names = state.skeleton.names
     regressor = state.model.regressor(state.skeleton)
     points = regressor(state.joints, state.vertices[:, regressor.vertex_ids])
-    off = torch.linalg.vector_norm(project(points, state.K) - state.keypoints, dim=-1)
+    error_px = torch.linalg.vector_norm(project(points, state.K) - state.keypoints, dim=-1)
     stature = state.K[1, 1] * state.model.stature(state.betas) / state.joints[:, 0, 2]
     return [
         replace(
-            one,
-            given_keypoints_px={names[j]: float(off[i, j]) for j in np.flatnonzero(own)},
+            measures,
+            given_keypoints_px={names[j]: float(error_px[i, j]) for j in np.flatnonzero(is_given)},
             stature_px=float(stature[i]),
         )
-        if own.any()
-        else one
-        for i, (one, own) in enumerate(zip(measured, given, strict=True))
+        if is_given.any()
+        else measures
+        for i, (measures, is_given) in enumerate(zip(measured, given, strict=True))
     ]
 
 
@@ -127,11 +127,11 @@ def measure_known_sizes(known: KnownSizes, state: State) -> list[tuple[str, floa
     """
     if state.known is None:
         return []
-    own = state.model.stature(state.betas).tolist()
+    own_statures = state.model.stature(state.betas).tolist()
     statures = state.known.stature.tolist()
     sizes = [
         (f"the stature of person {i}", known_m, m)
-        for i, (known_m, m) in enumerate(zip(statures, own, strict=True))
+        for i, (known_m, m) in enumerate(zip(statures, own_statures, strict=True))
         if math.isfinite(known_m)
     ]
     floor = state.scene.floor
@@ -189,17 +189,17 @@ def compare_statures(
         (np.isfinite(years) | np.isfinite(stature)) & np.isfinite(after)
     ).tolist():
         # A scene that the user's sizes have scaled does not grow with its people.
-        alone = slice(i, i + 1)
-        shown, spread = (
-            size_beside_others(before[alone], after[alone], sigma[alone], 0)
+        person_row = slice(i, i + 1)
+        shown_stature, spread = (
+            size_beside_others(before[person_row], after[person_row], sigma[person_row], 0)
             if is_sized
             else size_beside_others(before, after, sigma, i)
         )
         compared[i] = replace(
             compared[i],
             given_stature_m=math.exp(before[i]),
-            shown_stature_m=math.exp(shown),
-            stature_sigmas=abs(shown - before[i]) / spread,
+            shown_stature_m=math.exp(shown_stature),
+            stature_sigmas=abs(shown_stature - before[i]) / spread,
         )
     return compared
 

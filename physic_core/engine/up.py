@@ -84,17 +84,17 @@ def with_up_of_file(pointmap: Pointmap, stated: FloatArray | None) -> tuple[Poin
         return pointmap, ""
     gimbal = Up(torch.from_numpy(stated), GIMBAL_SIGMA_DEG, "the gimbal")
     stored = stored_up(pointmap)
-    both = gimbal if stored is None else fused_up([gimbal, stored])
+    fused = gimbal if stored is None else fused_up([gimbal, stored])
     warning = ""
     if stored is not None and difference_sigmas(gimbal, stored) > DISAGREE:
-        off = angle_deg(gimbal.direction, stored.direction)
+        difference_deg = angle_deg(gimbal.direction, stored.direction)
         warning = (
             f"the pitch of the drone's gimbal contradicts the {stored.source} of the photo by "
-            f"{off:.0f} degrees, and up lies between them: leans and the turn of exports may be "
-            f"wrong. If the photo was cropped or turned, give the original"
+            f"{difference_deg:.0f} degrees, and up lies between them: leans and the turn of "
+            f"exports may be wrong. If the photo was cropped or turned, give the original"
         )
     with_up = replace(
-        pointmap, up=both.direction.numpy(), up_sigma=both.sigma, up_source=both.source
+        pointmap, up=fused.direction.numpy(), up_sigma=fused.sigma, up_source=fused.source
     )
     return with_up, warning
 
@@ -109,18 +109,22 @@ def up_checked_by_people(up: Up | None, bodies: Tensor) -> tuple[Up | None, tupl
     """
     if up is None or not len(bodies):
         return up, ()
-    off = torch.rad2deg(torch.asin((bodies.double() @ up.direction).clamp(-1, 1)))
+    lean_deg = torch.rad2deg(torch.asin((bodies.double() @ up.direction).clamp(-1, 1)))
     sigma = math.hypot(up.sigma, _BODY_SIGMA_DEG)
-    density = torch.exp(-0.5 * (off / sigma).square()) / (sigma * math.sqrt(2 * math.pi))
-    nats = torch.log((density * _WRONG_RANGE_DEG).clamp(min=1e-9)).mean() * min(len(off), _BODIES)
-    right = 1 / (1 + _WRONG / (1 - _WRONG) * math.exp(-float(nats)))
-    middle = float(off.abs().median())
-    asked = replace(up, sigma=math.hypot(up.sigma, math.sqrt(1 - right) * middle))
-    if right > 0.5:
-        return asked, ()
-    return asked, (
+    density = torch.exp(-0.5 * (lean_deg / sigma).square()) / (sigma * math.sqrt(2 * math.pi))
+    nats = torch.log((density * _WRONG_RANGE_DEG).clamp(min=1e-9)).mean() * min(
+        len(lean_deg), _BODIES
+    )
+    right_probability = 1 / (1 + _WRONG / (1 - _WRONG) * math.exp(-float(nats)))
+    median_lean = float(lean_deg.abs().median())
+    widened = replace(
+        up, sigma=math.hypot(up.sigma, math.sqrt(1 - right_probability) * median_lean)
+    )
+    if right_probability > 0.5:
+        return widened, ()
+    return widened, (
         f"against the {up.source} of the photo, the people who stand lean sideways by "
-        f"{middle:.0f} degrees. Up follows the people: if they do lean, leans and the turn of "
+        f"{median_lean:.0f} degrees. Up follows the people: if they do lean, leans and the turn of "
         f"exports are wrong",
     )
 
@@ -145,11 +149,13 @@ def surest_up(floor: PlaneFit | None, up: Up | None, slope: float) -> Up:
         return other
     sure = other.sigma < _LEAST_SURE_DEG
     sigma = math.degrees(floor.pitch_sigma if sure else floor.plane_sigma)
-    own = Up(floor.normal.double(), math.hypot(sigma, slope), "the floor")
+    floor_up = Up(floor.normal.double(), math.hypot(sigma, slope), "the floor")
     limit = other.sigma if sure else AXIS_SIGMA_DEG
-    if own.sigma < limit:
-        return own if up is None else _with_contradiction(own, up)
-    sloped = Up(own.direction, math.hypot(math.degrees(floor.plane_sigma), slope), own.source)
+    if floor_up.sigma < limit:
+        return floor_up if up is None else _with_contradiction(floor_up, up)
+    sloped = Up(
+        floor_up.direction, math.hypot(math.degrees(floor.plane_sigma), slope), floor_up.source
+    )
     return _with_contradiction(other, sloped) if sure else other
 
 
@@ -221,18 +227,18 @@ def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> Pl
     if up is None:
         return plane
     level = replace(up, sigma=math.hypot(up.sigma, slope))
-    own = Up(plane.normal.double(), math.degrees(plane.plane_sigma), "the floor")
-    if difference_sigmas(own, level) > DISAGREE:
-        off = math.hypot(own.sigma, angle_deg(own.direction, up.direction))
-        return replace(plane, pitch_sigma=math.radians(off))
+    floor_up = Up(plane.normal.double(), math.degrees(plane.plane_sigma), "the floor")
+    if difference_sigmas(floor_up, level) > DISAGREE:
+        sigma_deg = math.hypot(floor_up.sigma, angle_deg(floor_up.direction, up.direction))
+        return replace(plane, pitch_sigma=math.radians(sigma_deg))
     if up.sigma >= _LEAST_SURE_DEG:
         return plane
-    both = fused_up([own, level])
-    sigma = math.radians(both.sigma)
-    normal = both.direction.to(plane.normal)
-    at = ray.to(plane.normal)
-    steep, steeper = (-float(at @ one) for one in (plane.normal, normal))
-    if min(steep, steeper) <= _GRAZING * float(torch.linalg.vector_norm(at)):
+    fused = fused_up([floor_up, level])
+    sigma = math.radians(fused.sigma)
+    normal = fused.direction.to(plane.normal)
+    direction = ray.to(plane.normal)
+    steep, steeper = (-float(direction @ one) for one in (plane.normal, normal))
+    if min(steep, steeper) <= _GRAZING * float(torch.linalg.vector_norm(direction)):
         return plane
     offset = plane.offset * steeper / steep
     return replace(plane, normal=normal, offset=offset, pitch_sigma=sigma)
@@ -242,8 +248,8 @@ def slope_warnings(floor: PlaneFit | None, up: Up | None, slope: float) -> tuple
     """Return a warning if a floor contradicts up; nothing if it does not."""
     if floor is None or floor.beneath or up is None:
         return ()
-    own = Up(floor.normal.double(), math.degrees(floor.plane_sigma), "the floor")
-    if not contradict(own, replace(up, sigma=math.hypot(up.sigma, slope))):
+    floor_up = Up(floor.normal.double(), math.degrees(floor.plane_sigma), "the floor")
+    if not contradict(floor_up, replace(up, sigma=math.hypot(up.sigma, slope))):
         return ()
     off = angle_deg(floor.normal, up.direction)
     return (

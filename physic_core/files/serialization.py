@@ -54,7 +54,11 @@ def split(value: Any, arrays: Arrays, path: str = "") -> Any:
         arrays[path[:-1]] = np.asarray(value)
         return None
     if is_dataclass(value):
-        names = [one.name for one in fields(value) if one.init and one.metadata.get("stored", True)]
+        names = [
+            record_field.name
+            for record_field in fields(value)
+            if record_field.init and record_field.metadata.get("stored", True)
+        ]
         parts = {name: split(getattr(value, name), arrays, f"{path}{name}.") for name in names}
         return {name: part for name, part in parts.items() if f"{path}{name}" not in arrays}
     if isinstance(value, Mapping):
@@ -161,7 +165,9 @@ class _Join:
             return _checked(self.arrays[name], kinds, name)
         if value is None and type(None) in kinds:
             return None
-        kind = next((one for one in kinds if _matches_type(one, value)), None)
+        kind = next(
+            (alternative for alternative in kinds if _matches_type(alternative, value)), None
+        )
         if kind is None:
             raise TypeError(f"{name or 'the value'} is {value!r:.60}")
         if is_dataclass(kind):
@@ -171,14 +177,18 @@ class _Join:
         if isinstance(value, Mapping):
             key, item = inner or (str, Any)
             return {
-                key(one): self.value(item, part, f"{path}{one}.") for one, part in value.items()
+                key(alternative): self.value(item, part, f"{path}{alternative}.")
+                for alternative, part in value.items()
             }
         if isinstance(value, list):
             is_fixed = origin is tuple and inner[-1] is not Ellipsis
             each = inner[0] if inner else Any
             hints = inner if is_fixed else (each,) * len(value)
             parts = enumerate(zip(hints, value, strict=True))
-            values = [self.value(one, part, f"{path}{index}.") for index, (one, part) in parts]
+            values = [
+                self.value(alternative, part, f"{path}{index}.")
+                for index, (alternative, part) in parts
+            ]
             return tuple(values) if origin is tuple else values
         if isinstance(kind, type) and issubclass(kind, Enum):
             return kind(value)

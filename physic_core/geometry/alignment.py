@@ -176,22 +176,22 @@ def _linear_system(
     source: Tensor, target: Tensor, weights: Tensor, unknown: AffineAmbiguity, axes: str
 ) -> _LinearSystem:
     depth = target[:, 2]
-    one = torch.ones_like(depth)
-    zero = torch.zeros_like(depth)
+    ones = torch.ones_like(depth)
+    zeros = torch.zeros_like(depth)
     if unknown == "inverse_scale_shift":
         return _LinearSystem(
-            torch.stack((depth / source[:, 2], depth), -1)[:, None], one[:, None], weights
+            torch.stack((depth / source[:, 2], depth), -1)[:, None], ones[:, None], weights
         )
     along = source / depth[:, None]
     if unknown == "scale":
-        return _LinearSystem(torch.stack((along[:, 2], zero), -1)[:, None], one[:, None], weights)
+        return _LinearSystem(torch.stack((along[:, 2], zeros), -1)[:, None], ones[:, None], weights)
     last = torch.stack((along[:, 2], 1 / depth), -1)
     if axes == "z":
-        return _LinearSystem(last[:, None], one[:, None], weights)
-    side = [torch.stack((along[:, i], zero), -1) for i in (0, 1)]
+        return _LinearSystem(last[:, None], ones[:, None], weights)
+    side = [torch.stack((along[:, i], zeros), -1) for i in (0, 1)]
     goal = target / depth[:, None]
     return _LinearSystem(
-        torch.stack((*side, last), 1), torch.stack((goal[:, 0], goal[:, 1], one), 1), weights
+        torch.stack((*side, last), 1), torch.stack((goal[:, 0], goal[:, 1], ones), 1), weights
     )
 
 
@@ -208,8 +208,8 @@ def _scale_bounds(source: Tensor, target: Tensor, unknown: AffineAmbiguity) -> t
     )
     spreads = []
     for values in (before, after):
-        low, middle, high = quantiles(values, (0.05, 0.5, 0.95))
-        if high - low < _FLAT_SHARE * middle:
+        low, median_value, high = quantiles(values, (0.05, 0.5, 0.95))
+        if high - low < _FLAT_SHARE * median_value:
             return 0.0, math.inf
         spreads.append(high - low)
     ratio = spreads[1] / spreads[0]
@@ -270,9 +270,9 @@ def _refine(
         step = _solve(A[None], b[None], unknown)[0]
         if not bool(torch.isfinite(step).all()) or not bounds[0] < float(step[0]) < bounds[1]:
             return model
-        moved = float((step - model).abs().max() / model.abs().max())
+        relative_change = float((step - model).abs().max() / model.abs().max())
         model = step
-        if moved < 1e-9:
+        if relative_change < 1e-9:
             break
     return model
 

@@ -180,8 +180,8 @@ def _moved_readings(
         return
     field, right, down = best
     moved = _reprojected(depth, *best)
-    same = np.where(np.isfinite(moved), depth, np.nan)  # others explain other pixels
-    as_stated = _error(_inverse_depth_of_reading(same), maps)
+    overlap_depth = np.where(np.isfinite(moved), depth, np.nan)  # others explain other pixels
+    as_stated = _error(_inverse_depth_of_reading(overlap_depth), maps)
     yield (
         _error(_inverse_depth_of_reading(moved), maps)
         * _error(_inverse_depth_of_reading(depth), maps)

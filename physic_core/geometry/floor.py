@@ -211,13 +211,13 @@ def refit_floor(points: Tensor, valid: Tensor, search: FloorSearch) -> FloorSear
     fit = plane_as_fit(view, plane, shares, search.plane.source, MASK_SLACK)
     if float(fit.normal.double() @ search.plane.normal.to(fit.normal).double()) < _SAME_PLANE:
         return FloorSearch(None, "no_consensus", *shares)
-    moved = replace(
+    moved_fit = replace(
         fit.moved(search.plane.reanchored),
         pitch_sigma=search.plane.pitch_sigma,
         plane_sigma=search.plane.plane_sigma,
         height_sigma=search.plane.height_sigma,
     )
-    return replace(search, plane=moved)
+    return replace(search, plane=moved_fit)
 
 
 def ray_to_floor(rays: Tensor, plane: PlaneFit, feet_px: Tensor) -> Tensor:

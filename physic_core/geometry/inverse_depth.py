@@ -265,10 +265,10 @@ def _refine(
             )
             angle = float(torch.linalg.vector_norm(plane)) * _UP_SIGMA
             prior = _UP_SHARE * weight.sum() * (tolerance / angle) ** 2 * across
-        again = weighted_plane(samples.rays, samples.inverse, weight, prior)
-        if again is None or not bool(_is_level(again, slope, up)):
+        refitted = weighted_plane(samples.rays, samples.inverse, weight, prior)
+        if refitted is None or not bool(_is_level(refitted, slope, up)):
             break
-        plane = again
+        plane = refitted
     return plane
 
 

@@ -217,9 +217,9 @@ def cluster_points(points: Tensor, part_of_point: Tensor, spacing: float) -> tup
         points.new_zeros(count, 3).index_add(0, group, points)
         / torch.bincount(group, minlength=count)[:, None]
     )
-    off = (points - centre[group]).norm(dim=-1)
-    least = off.new_full((count,), torch.inf).scatter_reduce(0, group, off, "amin")
-    best = (off <= least[group] + _EQUAL_M).nonzero(as_tuple=True)[0]
+    distance = (points - centre[group]).norm(dim=-1)
+    least = distance.new_full((count,), torch.inf).scatter_reduce(0, group, distance, "amin")
+    best = (distance <= least[group] + _EQUAL_M).nonzero(as_tuple=True)[0]
     # Ties, as in every group of two, go to the first point.
     chosen = best.new_full((count,), len(points)).scatter_reduce(0, group[best], best, "amin")
     return group, chosen

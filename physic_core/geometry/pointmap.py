@@ -182,12 +182,12 @@ def isolated_pixels(depth: Tensor, valid: Tensor, ratio: float) -> Tensor:
                 continue
             left = max(0, -dx)
             right = max(0, dx)
-            here = (slice(0, rows), slice(left, left + columns))
-            there = (slice(dy, dy + rows), slice(right, right + columns))
-            alike = (log_depth[here] - log_depth[there]).abs_() <= tolerance
-            alike &= valid[here] & valid[there]
-            support[here] += alike
-            support[there] += alike
+            pixel = (slice(0, rows), slice(left, left + columns))
+            neighbor = (slice(dy, dy + rows), slice(right, right + columns))
+            alike = (log_depth[pixel] - log_depth[neighbor]).abs_() <= tolerance
+            alike &= valid[pixel] & valid[neighbor]
+            support[pixel] += alike
+            support[neighbor] += alike
         lonely |= support < 2
     return valid & lonely
 

@@ -252,9 +252,9 @@ class _TriangleTree:
             if depth:
                 ray = np.repeat(ray, _FAN)
                 node = (node[:, None] * _FAN + np.arange(_FAN)).ravel()
-                there = node < boxes.shape[1]
-                ray = ray[there]
-                node = node[there]
+                is_inside = node < boxes.shape[1]
+                ray = ray[is_inside]
+                node = node[is_inside]
             enters = np.zeros(len(ray))
             leaves = np.full(len(ray), np.inf)
             for axis in range(3):

@@ -152,12 +152,12 @@ def self_occlusion(
     by_other = hidden & (in_front != part_of_vertex)
     count = max(int(part_of_vertex.max()) + 1, max(parts, default=-1) + 1)
     total = torch.bincount(part_of_vertex, minlength=count)
-    lost = total.new_zeros(*by_other.shape[:-1], count).index_add(
+    occluded_area = total.new_zeros(*by_other.shape[:-1], count).index_add(
         -1, part_of_vertex, by_other.to(total.dtype)
     )
     eligible = torch.zeros(count, dtype=torch.bool, device=vertices.device)
     eligible[list(parts)] = True
-    occluded = eligible & (lost >= share * total) & (total > 0)
+    occluded = eligible & (occluded_area >= share * total) & (total > 0)
     return hidden, occluded[..., part_of_vertex]
 
 
@@ -223,9 +223,10 @@ def move_out_of_bodies(
     if not len(start):
         return points, torch.zeros(0, dtype=torch.bool, device=points.device)
     casters = [RayCaster(body, triangles) for body in people]
-    for caster, here in zip(casters, visible, strict=True):
-        along[here] = np.maximum(
-            along[here], _distance_to_front_face(caster, start[here], rays[here], reach)
+    for caster, is_candidate in zip(casters, visible, strict=True):
+        along[is_candidate] = np.maximum(
+            along[is_candidate],
+            _distance_to_front_face(caster, start[is_candidate], rays[is_candidate], reach),
         )
     moving = np.arange(len(start))
     origins = np.ascontiguousarray(start.T)
@@ -268,14 +269,14 @@ def _inside_box(
         along: (N,) distance of the place from the origin, in lengths of the way.
         candidates: (n,) columns that are looked at.
     """
-    places = list[_Array]()
+    positions = list[_Array]()
     # By axes, z first: it excludes most places, and one axis is cheaper than three.
     for axis in (2, 1, 0):
-        place = origins[axis, candidates] + along[candidates] * ways[axis, candidates]
-        inside = (place > caster.low[axis]) & (place < caster.high[axis])
+        position = origins[axis, candidates] + along[candidates] * ways[axis, candidates]
+        inside = (position > caster.low[axis]) & (position < caster.high[axis])
         candidates = candidates[inside]
-        places = [place[inside], *(other[inside] for other in places)]
-    return np.stack(places, 1), candidates
+        positions = [position[inside], *(other[inside] for other in positions)]
+    return np.stack(positions, 1), candidates
 
 
 def _distance_to_exit(caster: RayCaster, points: _Array, rays: _Array) -> _Array:

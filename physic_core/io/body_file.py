@@ -237,7 +237,7 @@ def _physic_bodies(arrays: Mapping[str, Any], file: FileOfPhoto) -> GivenBodies:
     width, height = (int(v) for v in arrays["size"])
     camera = np.tile(matrix(arrays["camera"], "camera"), (len(parameters), 1))
     _check_camera(camera, (width, height))
-    given = GivenBodies(
+    given_bodies = GivenBodies(
         Bodies(parameters, str(arrays["body_model"])),
         file.path.name,
         camera,
@@ -245,9 +245,9 @@ def _physic_bodies(arrays: Mapping[str, Any], file: FileOfPhoto) -> GivenBodies:
         distance_sigma=_sigma(arrays, "distance_sigma", _OWN_DISTANCE_SIGMA),
     )
     if (width, height) == file.size:
-        return given
+        return given_bodies
     factors = scale_of_picture((width, height), file.size)
-    return given.moved(lambda pixels: (pixels + 0.5) * factors - 0.5)
+    return given_bodies.moved(lambda pixels: (pixels + 0.5) * factors - 0.5)
 
 
 def _sigma(arrays: Mapping[str, Any], name: str, usual: float) -> float:
@@ -367,22 +367,22 @@ def _posed_smpl(record: BodiesInFile, turns: Float64Array, file: str) -> _Posed:
     from physic_core.body.files import SMPL, SMPLH, load_smpl
 
     layout = SMPLH if record.model == "smplh" else SMPL
-    own = (
+    betas = (
         np.zeros((len(turns), 0)) if record.betas is None else np.asarray(record.betas, np.float64)
     )
-    model = load_smpl(file, layout, max(own.shape[1], 10))
+    model = load_smpl(file, layout, max(betas.shape[1], 10))
     joint = np.arange(layout.joints if layout is SMPLH else _SHARED)
     name = joint + 3 * (joint >= _SHARED)  # SMPL-X has jaw and eyes before the hands
     rotations = np.tile(np.eye(3), (len(turns), layout.joints, 1, 1))
     rotations[:, joint] = rotvec_to_rotmat_numpy(turns[:, name])
-    given = (
+    arguments = (
         rotations,
-        with_columns_of_zeros(own, model.shapedirs.shape[2]),
+        with_columns_of_zeros(betas, model.shapedirs.shape[2]),
         np.zeros((len(turns), 3)),
     )
     joints = np.full((len(turns), NUM_JOINTS, 3), np.nan)
-    joints[:, name] = model.smpl_joints(*given)[:, joint]
-    return joints, model.vertices(*given), model.rest, None
+    joints[:, name] = model.smpl_joints(*arguments)[:, joint]
+    return joints, model.vertices(*arguments), model.rest, None
 
 
 def _posed_smplx(record: BodiesInFile, turns: Float64Array, file: str) -> _Posed:

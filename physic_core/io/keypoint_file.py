@@ -174,8 +174,10 @@ def _given_keypoints(table: KeypointTable, is_csv: bool, size: tuple[int, int]) 
         notes.append(f"left out {outside} given keypoints outside of the photo")
     if is_scored and (largest := max(row[4] for row in certain)) > 1:
         notes.append(f"scores up to {largest:.3g} were given, and those above 1 count as 1")
-    kept = [row for row, is_inside in zip(certain, inside.tolist(), strict=True) if is_inside]
-    people, joints, _, _, scores = zip(*kept, strict=True)
+    inside_rows = [
+        row for row, is_inside in zip(certain, inside.tolist(), strict=True) if is_inside
+    ]
+    people, joints, _, _, scores = zip(*inside_rows, strict=True)
     confidence = np.clip(np.array(scores, np.float64), 0, 1) if is_scored else None
     return GivenKeypoints(people, joints, points[inside], is_csv, 1.0, confidence, tuple(notes))
 
@@ -191,10 +193,10 @@ def _check_rows(rows: list[KeypointRow]) -> None:
     parts: dict[tuple[int, str], list[KeypointRow]] = {}
     for row in rows:
         parts.setdefault((row[0], _part(row[1])), []).append(row)
-    for (person, part), own in parts.items():
-        values = [value for row in own for value in row[2:4]]
+    for (person, part), joint_rows in parts.items():
+        values = [value for row in joint_rows for value in row[2:4]]
         # One joint may lie in the corner, at whole pixels.
-        is_share = len(own) > 1 or any(value % 1 for value in values)
+        is_share = len(joint_rows) > 1 or any(value % 1 for value in values)
         if is_share and max(values) < _LARGEST_SHARE_PX:
             raise ValueError(
                 f"all coordinates of the {part} of person {person} are below 2: these look like "

@@ -32,11 +32,11 @@ def read_masks(file: FileOfPhoto) -> MasksInFile:
         PackageMissingError: no installed plugin reads it.
     """
     try:
-        found: MasksInFile = read_by_plugin("physic_mask_readers", "masks", file)
-        if not found.masks.any():
+        masks_in_file: MasksInFile = read_by_plugin("physic_mask_readers", "masks", file)
+        if not masks_in_file.masks.any():
             raise ValueError("it has no mask with a pixel: was a mask of 0 and 1 read as 0 to 255?")
-        masks = _resized_masks(found.masks[found.masks.any((1, 2))], file.size)
-        if found.are_people and masks.sum() > masks[0].size:
+        masks = _resized_masks(masks_in_file.masks[masks_in_file.masks.any((1, 2))], file.size)
+        if masks_in_file.are_people and masks.sum() > masks[0].size:
             raise ValueError("its masks overlap in much of the picture: are they inverted?")
     except OSError as error:
         raise InputError(f"cannot read the masks {file.path}: {unreadable(error)}") from error
@@ -44,15 +44,15 @@ def read_masks(file: FileOfPhoto) -> MasksInFile:
         raise InputError(
             f"the masks {file.path} cannot be used: {unusable_message(error)}"
         ) from error
-    if found.are_people:
+    if masks_in_file.are_people:
         taken = np.zeros(masks.shape[1:], bool)
         for mask in masks:
             mask &= ~taken
             taken |= mask
         masks = masks[masks.any((1, 2))]
-    left_out = len(found.masks) - len(masks)
+    left_out = len(masks_in_file.masks) - len(masks)
     notes = (f"left out {left_out} given masks that have no pixel of their own",) * bool(left_out)
-    return replace(found, masks=masks, notes=(*found.notes, *notes))
+    return replace(masks_in_file, masks=masks, notes=(*masks_in_file.notes, *notes))
 
 
 def _resized_masks(masks: BoolArray, size: tuple[int, int]) -> BoolArray:

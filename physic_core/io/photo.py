@@ -107,13 +107,13 @@ def read_photo(photo: PhotoSource) -> Photo:
             else ImageSource(str(Path(photo)), path=Path(photo))
         )
         with open_image(source) as (image, file):
-            place = file.tell()
+            position = file.tell()
             file.seek(0)
             # of the file that is read, even if another one takes its place
             digest = file_digest(file)
             file.seek(0)
             colours = code_points(file)
-            file.seek(place)
+            file.seek(position)
             return replace(_read(image, source, colours), digest=digest)
     if isinstance(photo, Image.Image):
         photo_read = _read_image(photo)
@@ -187,12 +187,12 @@ def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
             f"{height}) if it was only resized"
         )
     side = max(width, height)
-    least, most = _FOCAL_RANGE
+    smallest, largest = _FOCAL_RANGE
     for focal in (camera.fx, camera.fy):
-        if not least <= focal / side <= most:
+        if not smallest <= focal / side <= largest:
             raise ConfigError(
                 f"the focal length is {focal / side:.2g} times the long side of the photo, but "
-                f"should be {least:g} to {most:g} times: give it in px of the photo file"
+                f"should be {smallest:g} to {largest:g} times: give it in px of the photo file"
             )
     if not (-0.5 <= camera.cx <= width - 0.5 and -0.5 <= camera.cy <= height - 0.5):
         raise ConfigError(

@@ -59,10 +59,10 @@ def add_report(folder: str | os.PathLike[str], title: str = "") -> Path:
     check_added(folder, REPORT_FILE)
     name = folder.resolve().name
     try:
-        shown = load_reconstruction(folder)
+        result = load_reconstruction(folder)
     except InputError as error:
         add_result_files(folder, {REPORT_FILE: report_html(error, title or name).encode()})
         raise
-    page = report_html(shown, title or shown.photo_name or name)
+    page = report_html(result, title or result.photo_name or name)
     add_result_files(folder, {REPORT_FILE: page.encode()})
     return folder / REPORT_FILE

@@ -181,8 +181,8 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     if result.scene.floor is not None and lies(result, person):
         from physic_core.engine.limbs import LOWEST_SHARE
 
-        above = subject.vertices @ result.scene.floor.normal
-        low = float(np.quantile(above, LOWEST_SHARE)) + result.scene.floor.offset
+        heights = subject.vertices @ result.scene.floor.normal
+        low = float(np.quantile(heights, LOWEST_SHARE)) + result.scene.floor.offset
         if low < -_SUPPORT_M:
             reasons.append(
                 (
@@ -219,25 +219,26 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     It is 0 if none carries a person who lies.
     """
     subject = result.people[person]
-    if not (likely := subject.world_contact):
+    if not (part_probability := subject.world_contact):
         return None
     if lies(result, person):
         return _sure_carriers(subject)
-    value = math.prod(max(likely[part], 1 - likely[part]) for part in ENDS)
+    value = math.prod(max(part_probability[part], 1 - part_probability[part]) for part in ENDS)
     seated = subject.posture in _SEATED and (subject.posture_probability or 0.0) >= 0.5
-    if seated and likely["seat"] < 0.5:
-        sure = subject.posture_probability or 0.0
+    if seated and part_probability["seat"] < 0.5:
+        probability = subject.posture_probability or 0.0
         return value, (
-            f"this person probably {subject.posture}s (probability {sure:.2f}), but no seat was "
-            f"detected under the body: see {SIDE_VIEW}, and do not use the contacts of the buttocks"
+            f"this person probably {subject.posture}s (probability {probability:.2f}), but no seat "
+            f"was detected under the body: see {SIDE_VIEW}, and do not use the contacts of the "
+            f"buttocks"
         )
-    least = min(ENDS, key=lambda part: abs(likely[part] - 0.5))
-    taken = "listed" if likely[least] >= 0.5 else "not listed"
+    least = min(ENDS, key=lambda part: abs(part_probability[part] - 0.5))
+    taken = "listed" if part_probability[least] >= 0.5 else "not listed"
     return (
         value,
         f"the least certain contact is that of the {part_words(least)}, which is {taken} "
-        f"(probability {likely[least]:.2f}): compare it with the photo, and leave it out if the "
-        "photo does not show it",
+        f"(probability {part_probability[least]:.2f}): compare it with the photo, and leave it out "
+        "if the photo does not show it",
     )
 
 
@@ -269,8 +270,8 @@ def _sure_carriers(subject: Person) -> Measured:
     least = min(likely, key=likely.__getitem__)
     return likely[least], (
         f"the least certain contact that carries this person is the {part_words(least)} "
-        f"(probability {likely[least]:.2f}): compare it with the photo, and leave it out if the "
-        "photo does not show it"
+        f"(probability {likely[least]:.2f}): compare it with the photo, and leave it out "
+        "if the photo does not show it"
     )
 
 
@@ -417,8 +418,8 @@ def stature(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     if _is_known(estimates, result, person):
         return None
     child = math.nan if subject.child_probability is None else subject.child_probability
-    off = stature_surprise(subject.stature, child, stands=subject.posture in _UPRIGHT)
-    return off, (
+    surprise = stature_surprise(subject.stature, child, stands=subject.posture in _UPRIGHT)
+    return surprise, (
         f"this person is {subject.stature:.2f} m tall in the result, but probably "
         f"{'a child' if child >= LEAST_PROBABILITY else 'an adult'}: check units and sizes that "
         "you gave. If you gave none, do not use this size, or give --stature METERS"

@@ -198,22 +198,24 @@ def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
     )
 
     rows = estimates.ground.witnesses.get("scale", ())
-    own = next((row for row in rows if row["by"] == "metric depth"), None)
+    depth_row = next((row for row in rows if row["by"] == "metric depth"), None)
     others = combined_scale(
         [
             ScaleEvidence(row["log_ratio"], row["sigma"])
             for row in rows
-            if row is not own and row["right"] > LEAST_PROBABILITY
+            if row is not depth_row and row["right"] > LEAST_PROBABILITY
         ]
     )
-    if own is None or others is None:
+    if depth_row is None or others is None:
         return None
-    away = own["log_ratio"] - others.log_scale
+    away = depth_row["log_ratio"] - others.log_scale
     times = math.exp(away)
-    followed = "was used together with them" if own["right"] > LEAST_PROBABILITY else "was not used"
+    followed = (
+        "was used together with them" if depth_row["right"] > LEAST_PROBABILITY else "was not used"
+    )
     inverse = is_inverse(estimates.depth, estimates.photo.scene_map)
     question = "is it a disparity, 1 / depth?" if inverse else likely_unit(times)
-    return abs(away) / math.hypot(own["sigma"], others.sigma), (
+    return abs(away) / math.hypot(depth_row["sigma"], others.sigma), (
         f"{estimates.depth_backend} makes everything {times:.4g} times as large as people and "
         f"floor suggest, and {followed}: {question}"
     )
@@ -335,11 +337,11 @@ def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
         if len(boxes) in main_people([*boxes, np.array(one.box)])
         and not _is_covered(one.box, posed)
     ]
-    who = f"{len(lacking)} large {'person' if len(lacking) == 1 else 'people'}"
+    people_text = f"{len(lacking)} large {'person' if len(lacking) == 1 else 'people'}"
     # a reason that the segmenter can cure ends with what to do
     cures = dict.fromkeys(reason.partition(": ")[2] or _BOX for reason in lacking)
     return float(len(lacking)), (
-        f"{who} {'has' if len(lacking) == 1 else 'have'} no body (dashed in preview.png): "
+        f"{people_text} {'has' if len(lacking) == 1 else 'have'} no body (dashed in preview.png): "
         f"{', or '.join(cures)}"
     )
 

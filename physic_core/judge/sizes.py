@@ -43,23 +43,26 @@ def check_placed_people(estimates: Estimates, before: State, placed: State) -> l
     assert ratio is not None
     assert known is not None
     sizes = _scene_sizes(known)
-    least, most = STATURES_M
+    smallest, largest = STATURES_M
     statures, _ = estimates.photo.known.filled(len(ratio))
     shown_m = before.model.stature(before.betas) * ratio
     impossible = []
     surely = []
     measured = 0
     limit = CONTRADICTION if estimates.ground.measured is None else 0.0
-    for i, (stature, shown) in enumerate(zip(statures.tolist(), shown_m.tolist(), strict=True)):
-        if abs(math.log(shown / stature)) > CONTRADICTION:
+    for i, (stature, shown_stature) in enumerate(
+        zip(statures.tolist(), shown_m.tolist(), strict=True)
+    ):
+        if abs(math.log(shown_stature / stature)) > CONTRADICTION:
             raise ConfigError(
                 f"the stature {stature:.2f} m of person {i} contradicts {sizes}, from which the "
-                f"photo shows a person of {shown:.2f} m: correct one of them, or leave it out"
+                f"photo shows a person of {shown_stature:.2f} m: correct one of them, or leave "
+                f"it out"
             )
-        if math.isfinite(shown) and not math.isfinite(stature):
+        if math.isfinite(shown_stature) and not math.isfinite(stature):
             measured += 1
-            excess = max(math.log(shown / most), math.log(least / shown))
-            impossible += [f"person {i} as {shown:.2f} m tall"] if excess > 0 else []
+            excess = max(math.log(shown_stature / largest), math.log(smallest / shown_stature))
+            impossible += [f"person {i} as {shown_stature:.2f} m tall"] if excess > 0 else []
             surely += [i] if excess > limit else []
     if 2 * len(surely) > measured:
         raise ConfigError(
@@ -123,9 +126,9 @@ def compare_sizes(
     growth = _growth_to_floor(people, after_joint)
     people = compare_statures(people, estimates, before_joint, after_joint, growth)
     limit = CHECKS["given_size"].threshold
-    for i, (person, own) in enumerate(zip(people, growth, strict=True)):
+    for i, (person, person_growth) in enumerate(zip(people, growth, strict=True)):
         sigmas = person.stature_sigmas
-        if own and sigmas is not None and sigmas <= limit:  # else the check warns
+        if person_growth and sigmas is not None and sigmas <= limit:  # else the check warns
             warnings.append(
                 f"person {i} does not stand on the floor with the given sizes: the photo shows "
                 f"{person.shown_stature_m:.2f} m, but {person.given_stature_m:.2f} m was given or "
@@ -178,9 +181,11 @@ def contradictions(known: KnownSizes, state: State) -> tuple[list[str], dict[str
             "away from edges and inside the photo"
         )
     sizes = measure_known_sizes(known, state)
-    apart = max((abs(math.log(max(value, 1e-9) / given)) for _, given, value in sizes), default=0.0)
+    apart = max(
+        (abs(math.log(max(value, 1e-9) / stated)) for _, stated, value in sizes), default=0.0
+    )
     each = ", ".join(
-        f"{name} is {value:.2f} m and was given as {given:.2f} m" for name, given, value in sizes
+        f"{name} is {value:.2f} m and was given as {stated:.2f} m" for name, stated, value in sizes
     )
     message = f"the given sizes contradict one another or the photo: in the result {each}"
     if apart > CONTRADICTION:
@@ -189,6 +194,6 @@ def contradictions(known: KnownSizes, state: State) -> tuple[list[str], dict[str
         warnings.append(f"{message}; check them, or omit the least certain one")
     return warnings, {
         "known_sizes": [
-            {"name": name, "given": given, "result": value} for name, given, value in sizes
+            {"name": name, "given": stated, "result": value} for name, stated, value in sizes
         ]
     }

@@ -152,26 +152,26 @@ def person_trust(checks: Sequence[CheckResult], person: int) -> Trust:
         checks: of the photo and of all people.
         person: whose.
     """
-    own = {check.name: check for check in checks if check.person in (None, person)}
-    values = {name: check.value for name, check in own.items()}
+    person_checks = {check.name: check for check in checks if check.person in (None, person)}
+    values = {name: check.value for name, check in person_checks.items()}
     probabilities = probabilities_of(values, trust_models())
     shares = log_odds(values, trust_models()[ALL])
     named = contradictions(values)
     named += [
         name
-        for name, check in own.items()
+        for name, check in person_checks.items()
         if check.failed and check.person == person and name not in named
     ]
     named.sort(key=lambda name: (not CHECKS[name].contradicts, shares.get(name, 0.0)))
     passing = sorted(
-        (name for name in shares if name in own and name not in named),
+        (name for name in shares if name in person_checks and name not in named),
         key=shares.__getitem__,
     )
     lowering = [name for name in passing if shares[name] <= -_LEAST_LOSS]
-    why = [part for name in named[:_REASONS] for part in _reason(own[name])]
-    why += [str(own[name]) for name in named[_REASONS:]]
+    why = [part for name in named[:_REASONS] for part in _reason(person_checks[name])]
+    why += [str(person_checks[name]) for name in named[_REASONS:]]
     left = max(0, _REASONS - len(named))
-    why += [part for name in lowering[:left] for part in _reason(own[name])]
+    why += [part for name in lowering[:left] for part in _reason(person_checks[name])]
     probability = probabilities.pop(ALL)
     doubtful = [name for name, chance in probabilities.items() if not is_usable(chance)]
     if doubtful and not named:

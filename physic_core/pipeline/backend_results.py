@@ -130,18 +130,18 @@ def convert_to_configured(
             f"or choose a body_estimator that gives '{model.name}'"
         )
     try:
-        found = convert_bodies(bodies, model)
+        converted = convert_bodies(bodies, model)
     except BodyModelError as error:
         raise BodyModelError(f"{title}: {error}") from error
-    if not valid_body_rows(found.bodies).any():
+    if not valid_body_rows(converted.bodies).any():
         raise BodyModelError(
             f"{title} gives bodies for the body model '{bodies.body_model}' with too few joints to "
             f"convert them to "
             f"'{model.name}': both hips, and both shoulders or the neck, are needed for at least "
             f"one person"
         )
-    stages.note(found.note(bodies.body_model))
-    return found.bodies
+    stages.note(converted.note(bodies.body_model))
+    return converted.bodies
 
 
 def transfer_contact(

@@ -145,8 +145,10 @@ def find_people(run: PhotoRun) -> FoundPeople:
     known = select_people(known_people(sizes, len(every)), real)
     if not real.all():
         # The others have their pixels back only in a segmentation without the false persons.
-        again = _segment(run, prompt.select(real), required=True)
-        segmented = replace(again, people=replace(again.people, unposed=segmented.people.unposed))
+        chosen_people = _segment(run, prompt.select(real), required=True)
+        segmented = replace(
+            chosen_people, people=replace(chosen_people.people, unposed=segmented.people.unposed)
+        )
     chosen, body = _with_given_bodies(run, segmented)
     added = np.arange(len(chosen.people)) < len(segmented.people)
     return FoundPeople(chosen.people, chosen.missing, expand_known(known, added), body)
@@ -158,30 +160,30 @@ def _with_given_bodies(
     """Return the people with those whom only the given bodies show, and the body (N,) of each, -1
     for none; without other people if the given bodies are final.
     """
-    given = run.bodies
+    given_bodies = run.bodies
     rows = np.full(len(segmented.people), -1)
-    if given is None or not given.is_placed:
+    if given_bodies is None or not given_bodies.is_placed:
         return segmented, rows
     from physic_core.prepare.bodies import match_to_people
 
     camera = run.given.photo.intrinsics
-    rows, outlines = match_to_people(given, run.model, camera, segmented.people)
+    rows, outlines = match_to_people(given_bodies, run.model, camera, segmented.people)
     if run.plan.photo.bodies_final and (rows < 0).any():
         segmented = _move_to_unposed(segmented, rows < 0, "no given body is there")
         rows = rows[rows >= 0]
-    others = np.setdiff1d(np.arange(len(given)), rows)
+    others = np.setdiff1d(np.arange(len(given_bodies)), rows)
     free = outlines[others] & ~segmented.people.masks.any(0)
-    shown = free.any((1, 2))
-    if not shown.all():
+    is_free = free.any((1, 2))
+    if not is_free.all():
         run.stages.note(
-            f"left out {(~shown).sum()} of {len(given)} given bodies: the photo shows nothing of "
-            f"them"
+            f"left out {(~is_free).sum()} of {len(given_bodies)} given bodies: the photo "
+            f"shows nothing of them"
         )
-    if not shown.any():
+    if not is_free.any():
         return segmented, rows
-    run.stages.note(f"added {shown.sum()} people whom only the given bodies show")
-    people = with_people_of_masks(segmented.people, free[shown])
-    return SegmentedPeople(people, None), np.concatenate([rows, others[shown]])
+    run.stages.note(f"added {is_free.sum()} people whom only the given bodies show")
+    people = with_people_of_masks(segmented.people, free[is_free])
+    return SegmentedPeople(people, None), np.concatenate([rows, others[is_free]])
 
 
 def _segment_with_masks(
@@ -243,8 +245,8 @@ def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> S
         people = select_chosen(people, prompt)
     missing = None
     if people.keypoints is not None:
-        own, missing = discard_invalid_keypoints(people.keypoints)
-        people = replace(people, keypoints=own)
+        valid_keypoints, missing = discard_invalid_keypoints(people.keypoints)
+        people = replace(people, keypoints=valid_keypoints)
     if not len(people):
         cure = (
             _POINT_AT_PEOPLE
@@ -288,22 +290,22 @@ def _keep_people(segmented: SegmentedPeople, rows: BoolArray, reason: str) -> Se
 
 def find_keypoints(run: PhotoRun, people: People) -> FoundKeypoints:
     """Detect keypoints, and take those that the user gave."""
-    found = FoundKeypoints(
+    no_keypoints = FoundKeypoints(
         Keypoints(np.zeros((0, 17, 2), np.float32), np.zeros((0, 17), np.float32), "coco17")
     )
     if run.wants("keypoints", people):
         detected = run.call("keypoints", KeypointDetectorRequest(run.image, people))
-        found = FoundKeypoints(*discard_invalid_keypoints(detected))
+        no_keypoints = FoundKeypoints(*discard_invalid_keypoints(detected))
     given_keypoints = run.given.keypoints
     if given_keypoints is None:
-        return found
+        return no_keypoints
     from physic_core.prepare.keypoints import contradicted_keypoints, corrected_keypoints
 
-    keypoints, changed, notes = corrected_keypoints(found.keypoints, given_keypoints, people)
+    keypoints, changed, notes = corrected_keypoints(no_keypoints.keypoints, given_keypoints, people)
     run.stages.note(*notes)
-    contradicted = contradicted_keypoints(found.keypoints, keypoints, changed, people)
+    contradicted = contradicted_keypoints(no_keypoints.keypoints, keypoints, changed, people)
     return FoundKeypoints(
-        keypoints, found.missing, changed, contradicted, given_keypoints.file_px_per_px
+        keypoints, no_keypoints.missing, changed, contradicted, given_keypoints.file_px_per_px
     )
 
 

@@ -251,7 +251,7 @@ class Pipeline:
             photo = replace(photo, name=Path(path).name)
             stages = self._stages(progress, close=close)
             try:
-                found = _reconstruct(
+                result = _reconstruct(
                     photo, plan, user_input, stages, close=close or plan.config.run.low_memory
                 )
             finally:
@@ -260,7 +260,7 @@ class Pipeline:
                         self._loaded.close(resolved)
             width, height = photo.file_size or photo.image.shape[1::-1]
             return replace(
-                found, photo=photo.digest, photo_name=photo.name, file_size=(width, height)
+                result, photo=photo.digest, photo_name=photo.name, file_size=(width, height)
             )
 
     def _plan_with(self, settings: Mapping[str, Any] | None) -> ResolvedPipeline:
@@ -457,10 +457,10 @@ def _with_descriptions(
         if any(check.failed for check in result.checks):
             stages.warn(
                 *(
-                    f"a check failed, and {one.title} never passed `physic plugins check` here: it "
-                    f"may be wrong"
-                    for one in plan.backends.values()
-                    if not stages.has_passed_kit(one)
+                    f"a check failed, and {backend.title} never passed `physic plugins check` "
+                    f"here: it may be wrong"
+                    for backend in plan.backends.values()
+                    if not stages.has_passed_kit(backend)
                 )
             )
     return replace(result, diagnostics={**result.diagnostics, **repositories})

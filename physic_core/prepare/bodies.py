@@ -147,10 +147,10 @@ def place_by_keypoints(given: GivenBodies, model: BodyModel, photo: PhotoContent
     keypoints, landmarks = _landmarks(p, model, photo)
     visible = keypoints.confidence[0] >= SURE_CONFIDENCE
     body = landmarks[0, visible]
-    place = _translation(body, keypoints.points[0, visible], photo.camera)
-    if len(body) < _FEWEST or (body[:, 2] + place[2] <= 0).any():
+    translation = _translation(body, keypoints.points[0, visible], photo.camera)
+    if len(body) < _FEWEST or (body[:, 2] + translation[2] <= 0).any():
         raise InputError("the keypoints do not place the given body: give one with a translation")
-    placed = replace(given.bodies, parameters=replace(p, transl=p.transl + np.float32(place)))
+    placed = replace(given.bodies, parameters=replace(p, transl=p.transl + np.float32(translation)))
     return replace(given, bodies=placed, is_placed=True)
 
 
@@ -292,14 +292,14 @@ def _contradictions(
     Raises:
         InputError: most bodies are upside down by the keypoints.
     """
-    off, by_sides, by_turn = _keypoint_readings(given, model, photo, is_of).T
-    far = off > _OFF
-    if 2 * (far & (by_turn < _MUCH_BETTER * off)).sum() > len(off):
+    error, by_sides, by_turn = _keypoint_readings(given, model, photo, is_of).T
+    far = error > _OFF
+    if 2 * (far & (by_turn < _MUCH_BETTER * error)).sum() > len(error):
         raise InputError(
             f"{source}: its bodies stand upside down where the photo shows people: y points down "
             f"in the camera's frame; turn (x, y, z) to (x, -y, -z)"
         )
-    swapped = far & (by_sides < _MUCH_BETTER * off)
+    swapped = far & (by_sides < _MUCH_BETTER * error)
     warnings = []
     for which, what in (
         (swapped, "left and right of the given bodies seem swapped by the keypoints of"),
@@ -307,7 +307,7 @@ def _contradictions(
     ):
         people = np.flatnonzero(is_of)[which].tolist()
         if people:
-            shares = ", ".join(f"{share:.0%}" for share in off[which])
+            shares = ", ".join(f"{share:.0%}" for share in error[which])
             warnings.append(
                 f"{source}: {what} person {', '.join(map(str, people))} ({shares} of their size): "
                 f"check them in the preview"

@@ -77,8 +77,8 @@ def _is_seam(across: UInt8Array, row: int) -> bool:
     near = across[row - reach : row + reach, :: max(1, across.shape[1] // MOST_SAMPLES)]
     rows = near.astype(np.int16)
     ends = rows[reach - 1 : reach + 1]
-    off = np.abs(ends - np.median(ends, axis=1, keepdims=True)).max(-1)
-    if np.percentile(off, _PERCENTILE, axis=1).min() < _VARIES:
+    color_difference = np.abs(ends - np.median(ends, axis=1, keepdims=True)).max(-1)
+    if np.percentile(color_difference, _PERCENTILE, axis=1).min() < _VARIES:
         return False
     steps = np.abs(np.diff(rows, axis=0)).max(-1)
     beside = np.maximum(steps[:-2], steps[2:])
@@ -95,8 +95,8 @@ def _strips(across: UInt8Array) -> list[tuple[int, int]]:
     """
     samples = across[:, :: max(1, across.shape[1] // MOST_SAMPLES)].astype(np.int16)
     color: FloatArray = np.median(samples, axis=1)
-    off = np.abs(samples - color[:, None]).max(-1)
-    varies: FloatArray = np.percentile(off, _PERCENTILE, axis=1)
+    color_difference = np.abs(samples - color[:, None]).max(-1)
+    varies: FloatArray = np.percentile(color_difference, _PERCENTILE, axis=1)
     steps = np.abs(np.diff(color, axis=0)).max(-1) > _SAME
     plain = varies <= _VARIES
     begins = np.flatnonzero(plain & np.insert(steps | ~plain[:-1], 0, True))
@@ -108,10 +108,10 @@ def _strips(across: UInt8Array) -> list[tuple[int, int]]:
         middle = start + int(varies[start:stop].argmin())
         step = _EDGE[0] + _EDGE[1] * varies[middle]
         sides = samples[max(0, start - _EDGE_ROWS) : start], samples[stop : stop + _EDGE_ROWS]
-        seen = [
+        differing_shares = [
             (np.abs(rows - color[middle]).max(-1) > step).any(0).mean() if len(rows) else 0.0
             for rows in sides
         ]
-        if min(seen) >= _SEEN and (off[middle] > step).mean() <= _STRAY:
+        if min(differing_shares) >= _SEEN and (color_difference[middle] > step).mean() <= _STRAY:
             strips.append((start, stop))
     return strips

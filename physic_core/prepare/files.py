@@ -29,18 +29,18 @@ def read_bodies_of(
     """
     settings = plan.photo
     if settings.bodies is None:
-        given = None if bodies is None else bodies_in_python(bodies)
+        given_bodies = None if bodies is None else bodies_in_python(bodies)
     elif bodies is not None:
         raise ConfigError("bodies are given, and photo.bodies names a file: give only one")
     else:
         file = _file(photo, settings.bodies, settings.bodies_frame)
-        given = read_bodies(file, settings.bodies_model or plan.config.body_model.path)
-    if given is None:
+        given_bodies = read_bodies(file, settings.bodies_model or plan.config.body_model.path)
+    if given_bodies is None:
         if settings.bodies_final:
             raise ConfigError("photo.bodies_final is set without bodies: give both")
         return None
     sigma = settings.bodies_sigma
-    return given if sigma is None else replace(given, sigma_m=sigma)
+    return given_bodies if sigma is None else replace(given_bodies, sigma_m=sigma)
 
 
 def read_masks_of(
@@ -60,8 +60,12 @@ def read_masks_of(
         raise ConfigError("masks choose the people to reconstruct: give them in one way only")
     if path is None:
         return PeoplePrompt(masks=masks), None
-    found = read_masks(_file(photo, path))
-    return (PeoplePrompt(masks=found.masks), None) if found.are_people else (None, found.masks)
+    masks_in_file = read_masks(_file(photo, path))
+    return (
+        (PeoplePrompt(masks=masks_in_file.masks), None)
+        if masks_in_file.are_people
+        else (None, masks_in_file.masks)
+    )
 
 
 def _file(photo: Photo, path: str, frame: int | None = None) -> FileOfPhoto:

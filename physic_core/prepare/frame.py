@@ -132,11 +132,11 @@ def find_frame(image: UInt8Array) -> Frame:
     if half is None:
         return frame
     axis, length = half
-    kept = slice((rows, columns)[axis].start, (rows, columns)[axis].start + length)
+    kept_rows = slice((rows, columns)[axis].start, (rows, columns)[axis].start + length)
     which = ("upper", "left")[axis]
     return replace(
         frame,
-        inside=(kept, columns) if axis == 0 else (rows, kept),
+        inside=(kept_rows, columns) if axis == 0 else (rows, kept_rows),
         note=f"all but the {which} half",
         warning="the photo shows the same twice, as a stereo card does: its "
         f"{which} half alone was reconstructed. If people in it look squeezed, stretch the half to "
@@ -156,7 +156,7 @@ def _remove_frames(
     corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]], float)
     part = image[rows, columns]
     for _ in range(_LAYERS):
-        found, uncut = _outermost_layer(part)
+        layer, uncut = _outermost_layer(part)
         if len(uncut) > 1:
             return replace(frame, warning=_several_warning(len(uncut))), uncut
         if uncut:
@@ -166,12 +166,12 @@ def _remove_frames(
                 "out, straighten it, and run that"
             )
             return replace(frame, warning=warning), uncut
-        if found is None:
+        if layer is None:
             break
         corners = cv2.perspectiveTransform(
-            found.corners[None], np.linalg.inv(_homography_to_upright(corners))
+            layer.corners[None], np.linalg.inv(_homography_to_upright(corners))
         )[0]
-        is_print = frame.is_print or found.turn_deg > _STRAIGHT_DEG
+        is_print = frame.is_print or layer.turn_deg > _STRAIGHT_DEG
         frame = Frame(_inner_rectangle(corners), "what surrounds the picture", is_print=is_print)
         width, height = _width_and_height(corners)
         part = cv2.warpPerspective(
@@ -222,27 +222,27 @@ def _outermost_layer(image: UInt8Array) -> _Layer:
     small = cv2.medianBlur(small, 3)
     outer, enclosing = _background_masks(small)
     pictures = _inner_pictures(outer) if outer.any() else []
-    if len(pictures) > 1 and sum(one.share for one in pictures) >= _PARTS:
+    if len(pictures) > 1 and sum(picture.share for picture in pictures) >= _PARTS:
         return _Layer(uncut=tuple(pictures))
-    for one in pictures[:1]:
-        if one.share < max(_PICTURE, _MOST * _largest_share(~outer)):
+    for picture in pictures[:1]:
+        if picture.share < max(_PICTURE, _MOST * _largest_share(~outer)):
             break
-        if one.broken or max(one.turn_deg, one.skew_deg) > _CUT_DEG:
-            return _Layer(uncut=(one,))
+        if picture.broken or max(picture.turn_deg, picture.skew_deg) > _CUT_DEG:
+            return _Layer(uncut=(picture,))
         # inwards by what the scale and the median blur
-        middle = one.corners.mean(0)
+        middle = picture.corners.mean(0)
         size = np.array([width, height])
-        at_edge = (one.corners < _EDGE_PX) | (one.corners > size - 1 - _EDGE_PX)
+        at_edge = (picture.corners < _EDGE_PX) | (picture.corners > size - 1 - _EDGE_PX)
         corners = np.where(
             at_edge,
-            np.where(one.corners < middle, 0, size),
-            one.corners + np.where(one.corners < middle, 2, -1),
+            np.where(picture.corners < middle, 0, size),
+            picture.corners + np.where(picture.corners < middle, 2, -1),
         )
-        return _Layer(replace(one, corners=corners * (np.array(image.shape[1::-1]) / size)))
+        return _Layer(replace(picture, corners=corners * (np.array(image.shape[1::-1]) / size)))
     for ground in enclosing:
-        for one in _inner_pictures(ground):
-            if one.share >= _ENCLOSED and one.inner == 4:
-                return _Layer(uncut=(one,))
+        for picture in _inner_pictures(ground):
+            if picture.share >= _ENCLOSED and picture.inner == 4:
+                return _Layer(uncut=(picture,))
     return _Layer()
 
 
@@ -441,9 +441,9 @@ def _line_at_side(
             if max(abs(corner[axis] - limit), abs(end[axis] - limit)) <= _EDGE_PX:
                 direction = np.array([axis == 1, axis == 0], float)
                 return _Line(np.where(direction, corner, limit), direction, 0.0, at_edge=True)
-    places = (points - corner) @ along
+    positions = (points - corner) @ along
     apart = (points - corner) @ np.array([-along[1], along[0]])
-    near = (np.abs(apart) <= _NEAR_PX) & (places > 0.1 * length) & (places < 0.9 * length)
+    near = (np.abs(apart) <= _NEAR_PX) & (positions > 0.1 * length) & (positions < 0.9 * length)
     if near.sum() < 0.3 * length:
         return _Line(corner, along, 0.0)
     x, y, px, py = cv2.fitLine(
@@ -452,7 +452,7 @@ def _line_at_side(
     base = np.array([px, py], float)
     direction = np.array([x, y], float)
     on_line = np.abs((points[near] - base) @ np.array([-y, x])) <= _LINE_PX
-    share = len(np.unique(places[near][on_line].astype(int))) / (0.8 * length)
+    share = len(np.unique(positions[near][on_line].astype(int))) / (0.8 * length)
     return _Line(base, direction, share)
 
 

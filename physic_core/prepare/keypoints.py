@@ -66,9 +66,9 @@ def corrected_keypoints(
     points = np.array(keypoints.points)
     confidence = np.array(keypoints.confidence)
     world, sigma = (None if x is None else np.array(x) for x in (keypoints.world, keypoints.sigma))
-    wanted, sure, changed = _given_values(keypoints, given, columns, rows)
+    wanted, wanted_confidence, changed = _given_values(keypoints, given, columns, rows)
     for person, column in np.argwhere(changed):
-        at = wanted[person, column]
+        new_position = wanted[person, column]
         (side, _, joint) = names[column].partition("_")
         beyond = tuple(f"{side}_{part}" for part in _BEYOND.get(joint, ()))
         with_it = [
@@ -76,9 +76,9 @@ def corrected_keypoints(
             for j, name in enumerate(names)
             if beyond and name.startswith(beyond) and not changed[person, j]
         ]
-        points[person, with_it] += at - points[person, column]
-        points[person, column] = at
-        confidence[person, column] = sure[person, column]
+        points[person, with_it] += new_position - points[person, column]
+        points[person, column] = new_position
+        confidence[person, column] = wanted_confidence[person, column]
         if sigma is not None:
             sigma[person, column] = sigma[person].min()
         if world is not None:
@@ -131,27 +131,29 @@ def contradicted_keypoints(
         names.index(twin) if (twin := other_side(name)) in names else k
         for k, name in enumerate(names)
     ]
-    sure = detected.confidence >= SURE_CONFIDENCE
-    off = np.zeros(changed.shape)
+    is_confident = detected.confidence >= SURE_CONFIDENCE
+    distance_px = np.zeros(changed.shape)
     for person in np.flatnonzero(changed.any(1)).tolist():
         box = people.boxes[person]
         mask = people.masks[person]
         from_mask = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
         diagonal = math.hypot(box[2] - box[0], box[3] - box[1])
         for column in np.flatnonzero(changed[person]).tolist():
-            at = corrected.points[person, column]
+            given_position = corrected.points[person, column]
             pair = [column, twins[column]]
-            x, y = np.rint(at).astype(int).clip(0, np.array(mask.shape[::-1]) - 1).tolist()
-            apart = np.linalg.norm(detected.points[person, pair] - at, axis=-1)[
-                sure[person, pair]
+            x, y = (
+                np.rint(given_position).astype(int).clip(0, np.array(mask.shape[::-1]) - 1).tolist()
+            )
+            apart = np.linalg.norm(detected.points[person, pair] - given_position, axis=-1)[
+                is_confident[person, pair]
             ].min(initial=np.inf)
             beyond = float(from_mask[y, x])
             is_elsewhere = beyond > _OUTSIDE * diagonal or apart > _LIMB * diagonal
-            by_detector = apart if sure[person, column] and is_elsewhere else 0.0
-            off[person, column] = max(
+            by_detector = apart if is_confident[person, column] and is_elsewhere else 0.0
+            distance_px[person, column] = max(
                 by_detector, beyond if beyond > _FAR_OUTSIDE * diagonal else 0.0
             )
-    return off
+    return distance_px
 
 
 def _describe_changes(
@@ -182,11 +184,11 @@ def _without_unknown_joints(
     known = np.array([joint in names or f"{joint}_surface" in names for joint in given.joint])
     if given.numbered or known.all() or not known.any():
         return given, ()
-    kept = np.flatnonzero(known).tolist()
+    known_rows = np.flatnonzero(known).tolist()
     chosen = replace(
         given,
-        person=tuple(given.person[i] for i in kept),
-        joint=tuple(given.joint[i] for i in kept),
+        person=tuple(given.person[i] for i in known_rows),
+        joint=tuple(given.joint[i] for i in known_rows),
         points=given.points[known],
         confidence=None if given.confidence is None else given.confidence[known],
     )
@@ -241,9 +243,9 @@ def _match_people(given: GivenKeypoints, people: People) -> tuple[dict[int, int]
             "most points of an annotation should lie in the box of its person; are they "
             "px of another picture?"
         )
-    lost = [str(number) for number in numbers if number not in rows]
+    unmatched = [str(number) for number in numbers if number not in rows]
     note = (
-        f"left out the given keypoints of annotation {', '.join(lost)} (counted from 0): no "
+        f"left out the given keypoints of annotation {', '.join(unmatched)} (counted from 0): no "
         f"person was found there"
     )
-    return rows, (note,) if lost else ()
+    return rows, (note,) if unmatched else ()

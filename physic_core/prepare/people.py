@@ -174,11 +174,11 @@ def _rows_of_prompt(
     people: People, prompt: PeoplePrompt, masks: BoolArray | None = None
 ) -> list[int]:
     """Return the rows of the people at the points, boxes and masks (M, H, W) of a prompt."""
-    found = [person_at_point(people, point) for point in prompt.points]
-    found += [person_in_box(people, box) for box in prompt.boxes]
-    found += [_best_match(mask, people.masks) for mask in (() if masks is None else masks)]
+    rows_found = [person_at_point(people, point) for point in prompt.points]
+    rows_found += [person_in_box(people, box) for box in prompt.boxes]
+    rows_found += [_best_match(mask, people.masks) for mask in (() if masks is None else masks)]
     rows = []
-    for index, row in enumerate(found):
+    for index, row in enumerate(rows_found):
         if row is None:
             height, width = people.masks.shape[1:]
             boxes = ", ".join(str(tuple(np.round(b).astype(int).tolist())) for b in people.boxes)

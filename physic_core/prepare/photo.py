@@ -72,11 +72,11 @@ class PreparedPhoto:
         """
         prompt = self.people
         if prompt is not None:
-            places = move(np.array(prompt.points).reshape(-1, 2))
+            moved_points = move(np.array(prompt.points).reshape(-1, 2))
             masks = prompt.masks
             prompt = replace(
                 prompt,
-                points=tuple((float(x), float(y)) for x, y in places),
+                points=tuple((float(x), float(y)) for x, y in moved_points),
                 boxes=tuple(_undistorted_box(box, move) for box in prompt.boxes),
                 masks=None if masks is None else np.stack([move_mask(mask) for mask in masks]),
             )
@@ -175,19 +175,19 @@ def _in_px_of_picture(given: PreparedPhoto, file_size: tuple[int, int]) -> Prepa
     if size == file_size:
         return given
     factors = np.divide(size, file_size)
-    found = given.moved(
+    scaled = given.moved(
         given.photo,
         lambda pixels: (pixels + 0.5) * factors - 0.5,
         lambda mask: cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0,
     )
-    if found.people is not None and found.people.masks is not None:
-        empty = ~found.people.masks.any((1, 2))
+    if scaled.people is not None and scaled.people.masks is not None:
+        empty = ~scaled.people.masks.any((1, 2))
         if empty.any():
             raise ConfigError(
                 f"mask {int(empty.argmax()) + 1} has no pixels at {width} x {height} px: enlarge "
                 "it, or raise photo.max_side"
             )
-    return found
+    return scaled
 
 
 def _without_border(

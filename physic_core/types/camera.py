@@ -132,17 +132,19 @@ class Lens:
         """
         import numpy as np
 
-        at = np.asarray(pixels, np.float64)
-        x = (at[..., 0] - camera.cx) / camera.fx
-        y = (at[..., 1] - camera.cy) / camera.fy
+        points = np.asarray(pixels, np.float64)
+        x = (points[..., 0] - camera.cx) / camera.fx
+        y = (points[..., 1] - camera.cy) / camera.fy
         k1, k2, p1, p2, k3 = self.distortion
         square = x * x + y * y
         radial = 1 + square * (k1 + square * (k2 + square * k3))
-        own = self.intrinsics
+        file_camera = self.intrinsics
         return np.stack(
             [
-                own.fx * (x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x)) + own.cx,
-                own.fy * (y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y) + own.cy,
+                file_camera.fx * (x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x))
+                + file_camera.cx,
+                file_camera.fy * (y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y)
+                + file_camera.cy,
             ],
             -1,
         )

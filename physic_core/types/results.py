@@ -284,8 +284,10 @@ class Person(ShortRepr):
                 "this person has no body: the body estimator returned no finite values for them"
             )
         names = ("contact", "distance", "contact_probability", "contact_partner")
-        given = {name: getattr(self, name) for name in names}
-        attributes = {name: values for name, values in given.items() if values is not None}
+        attributes_given = {name: getattr(self, name) for name in names}
+        attributes = {
+            name: values for name, values in attributes_given.items() if values is not None
+        }
         return trimesh.Trimesh(
             self.vertices, self.faces, vertex_attributes=attributes, process=False
         )

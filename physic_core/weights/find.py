@@ -41,13 +41,13 @@ def locate(manifest: Path, name: str, file: str | None = None) -> Path:
     """
     path = find_weights(manifest, name, file)
     weights = _named(manifest, name)
-    here = locate_files(weights)
+    local_files = locate_files(weights)
     for wanted in weights.files:
         used = file in (None, wanted.path)
-        if used and (wrong := describe_mismatch(here[wanted.path], wanted)):
+        if used and (wrong := describe_mismatch(local_files[wanted.path], wanted)):
             raise BackendError(
-                f"{here[wanted.path]} is not the published file: {wrong}: move it away, then "
-                f"{weights.how_to_get()}"
+                f"{local_files[wanted.path]} is not the published file: {wrong}: move it away, "
+                f"then {weights.how_to_get()}"
             )
     return path
 
@@ -65,12 +65,14 @@ def find_weights(manifest: Path, name: str, file: str | None = None) -> Path:
             f"weights '{name}' have no file {file}, only {', '.join(known)}: choose weights of "
             f"this backend"
         )
-    here = locate_files(weights)
-    lacking = [f.path for f in weights.files if f.path not in here and file in (None, f.path)]
+    local_files = locate_files(weights)
+    lacking = [
+        f.path for f in weights.files if f.path not in local_files and file in (None, f.path)
+    ]
     if not lacking:
         if file is not None or len(weights.files) == 1:
-            return here[file if file is not None else weights.files[0].path]
-        if (folder := common_folder(here)) is not None:
+            return local_files[file if file is not None else weights.files[0].path]
+        if (folder := common_folder(local_files)) is not None:
             return folder
     facts = ", ".join(fact for fact in (format_size(weights.bytes), weights.license) if fact)
     part = f"lack {', '.join(lacking)}" if len(lacking) < len(weights.files) else "are missing"

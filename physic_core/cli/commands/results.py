@@ -139,8 +139,8 @@ def export(
     for file in done.files:
         if len(file.parts) == top:
             size = file.stat().st_size
-            shown = f"{size / 1e6:.1f} MB" if size > 99_950 else f"{size / 1e3:.0f} kB"
-            echo(f"{file}  ({shown})")
+            size_text = f"{size / 1e6:.1f} MB" if size > 99_950 else f"{size / 1e3:.0f} kB"
+            echo(f"{file}  ({size_text})")
     below = Counter(file.parent for file in done.files if len(file.parts) > top)
     for folder, count in below.items():
         echo(f"{folder}/  (files: {count})")

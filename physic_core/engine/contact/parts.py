@@ -89,8 +89,8 @@ def scene_parts(
     ground = row.cpu() < 0
     ground = ground | (_has_label(label, names, GROUND_SURFACES) & ~raised)
     if height is not None:
-        off = height.cpu().abs()
-        ground = ground | (off < _CELL_M) | (mistaken & (off < _RAISED_M))
+        floor_distance = height.cpu().abs()
+        ground = ground | (floor_distance < _CELL_M) | (mistaken & (floor_distance < _RAISED_M))
     surface = torch.from_numpy(_connected_surfaces(*exact_arrays(points, normals, label, ground)))
     device = points.device
     return SceneParts(names, label.to(device), surface.to(device), ground.to(device))

@@ -263,7 +263,7 @@ def support_record(
         )
         for contact in large_contacts
     ]
-    sure = [
+    likely_contacts = [
         contact
         for contact in listed_contacts
         if contact.likely
@@ -272,7 +272,7 @@ def support_record(
             or contact.partner.kind == "hidden"
         )
     ]
-    listed_contacts = sure or listed_contacts
+    listed_contacts = likely_contacts or listed_contacts
     listed_contacts.sort(key=lambda one: -(one.probability or 0.0))
     x, y, z = (round(value, DECIMALS) for value in carried.centre.tolist())
     outside = round(carried.outside_m, DECIMALS) if carried.outside_m < float("inf") else None

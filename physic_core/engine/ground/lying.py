@@ -99,7 +99,7 @@ def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
         sections = [body[(along > low) & (along < high)] for low, high in _PARTS]
         if min(len(rows), *map(len, sections)) < _FEWEST:
             continue
-        places = torch.stack(
+        section_points = torch.stack(
             [
                 median(photo.aligned_points.points[section.unbind(1)].double())
                 for section in sections
@@ -112,8 +112,8 @@ def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
                 (torch.stack([columns, rows], 1) - start) @ axis / length**2,
                 float(soft[ring].double().mean()),
                 float(wall[ring].double().mean()),
-                places / places[:, 2:],
-                places[:, 2],
+                section_points / section_points[:, 2:],
+                section_points[:, 2],
             )
         )
     return tuple(backgrounds)
@@ -160,10 +160,10 @@ def _background_plane(rays: Tensor, inverse: Tensor, person: Background) -> Tens
     plane: Tensor = planes[(1 - share.square()).clamp(min=0).sum(1).argmax()]
     for _ in range(_REFITS):
         error = (ray @ plane / near - 1) / _TOLERANCE
-        again = weighted_plane(ray, near, ((1 - error.square()).clamp(min=0) / near).square())
-        if again is None:
+        refitted = weighted_plane(ray, near, ((1 - error.square()).clamp(min=0) / near).square())
+        if refitted is None:
             break
-        plane = again
+        plane = refitted
     return plane
 
 

@@ -34,19 +34,19 @@ def fold_hidden_legs(state: State) -> State:
     """
     if state.scene.floor is None:
         return state
-    seen = state.observed_in_any_photo
-    hidden = ~(seen[:, _KNEES] | seen[:, _ANKLES]) & ~state.is_given[:, None]
+    observed = state.observed_in_any_photo
+    hidden = ~(observed[:, _KNEES] | observed[:, _ANKLES]) & ~state.is_given[:, None]
     fold = hidden & (_sole_heights(state) < -_KEPT_M)
     if not bool(fold.any()):
         return state
-    least = torch.zeros_like(fold, dtype=state.transl.dtype)
-    most = torch.where(fold, _MOST_RAD, least)
+    lower = torch.zeros_like(fold, dtype=state.transl.dtype)
+    upper = torch.where(fold, _MOST_RAD, lower)
     for _ in range(_HALVINGS):
-        middle = (least + most) / 2
+        middle = (lower + upper) / 2
         under = _sole_heights(_folded(state, middle)) < -_KEPT_M
-        least = torch.where(under, middle, least)
-        most = torch.where(under, most, middle)
-    return _folded(state, most)
+        lower = torch.where(under, middle, lower)
+        upper = torch.where(under, upper, middle)
+    return _folded(state, upper)
 
 
 def _folded(state: State, angle: Tensor) -> State:

@@ -123,19 +123,19 @@ def keep_lowest_energy(
     chosen = states[0]
     for _, scale in parts:
         mixed = parts[0][0]
-        own = mixed.new_full((len(mixed),), torch.inf)
+        lowest = mixed.new_full((len(mixed),), torch.inf)
         of_scene = 0.0
         for people, _ in parts:
             variables.load(variables.merge(people, scale))
             energies = energy()
             if _SCENE_TERM in energies:
                 of_scene = float(energies[_SCENE_TERM].sum())
-            found = finite_energy_per_person(energies, groups)
-            mixed = torch.where((found < own)[:, None], people, mixed)
-            own = torch.minimum(found, own)
+            person_energy = finite_energy_per_person(energies, groups)
+            mixed = torch.where((person_energy < lowest)[:, None], people, mixed)
+            lowest = torch.minimum(person_energy, lowest)
         # A person with non-finite energy in all states is excluded from the totals.
-        finite = torch.isfinite(own)
-        value = (float((~finite).sum()), float(own[finite].sum()) + of_scene)
+        finite = torch.isfinite(lowest)
+        value = (float((~finite).sum()), float(lowest[finite].sum()) + of_scene)
         if value < best:
             best = value
             chosen = variables.merge(mixed, scale)
@@ -338,31 +338,33 @@ def _lbfgs_block(
         evaluations += 1
         return _evaluate(energy, at)
 
-    here = evaluate(variables.pack())
-    values = [here.value]
+    point = evaluate(variables.pack())
+    values = [point.value]
     taken = 0
-    while taken < steps and math.isfinite(here.value):
-        direction = variables.merge(*history.direction(here.of_people))
-        slope = float(direction @ here.gradient)
+    while taken < steps and math.isfinite(point.value):
+        direction = variables.merge(*history.direction(point.of_people))
+        slope = float(direction @ point.gradient)
         if slope >= 0:
             history.clear()
-            direction = variables.merge(*history.direction(here.of_people))
-            slope = float(direction @ here.gradient)
-        if slope > -_MIN_SLOPE * max(1.0, abs(here.value)):
+            direction = variables.merge(*history.direction(point.of_people))
+            slope = float(direction @ point.gradient)
+        if slope > -_MIN_SLOPE * max(1.0, abs(point.value)):
             break
-        found = _backtrack(evaluate, here, direction, slope)
-        if found is None:
+        next_point = _backtrack(evaluate, point, direction, slope)
+        if next_point is None:
             break
-        history.add(*variables.split(found.at - here.at), here.of_people, found.of_people)
-        here = found
-        values.append(here.value)
+        history.add(
+            *variables.split(next_point.at - point.at), point.of_people, next_point.of_people
+        )
+        point = next_point
+        values.append(point.value)
         taken += 1
-        if len(values) > _PATIENCE and values[-1 - _PATIENCE] - here.value < tolerance * abs(
-            here.value
+        if len(values) > _PATIENCE and values[-1 - _PATIENCE] - point.value < tolerance * abs(
+            point.value
         ):
             break
-    variables.load(here.at)
-    converged = values[0] - here.value < tolerance * abs(values[0])
+    variables.load(point.at)
+    converged = values[0] - point.value < tolerance * abs(values[0])
     return BlockResult(evaluations, taken, converged)
 
 
@@ -371,16 +373,16 @@ _MAX_TRIALS = 10  # step lengths that a line search tries
 
 
 def _backtrack(
-    evaluate: Callable[[Tensor], _Point], here: _Point, direction: Tensor, slope: float
+    evaluate: Callable[[Tensor], _Point], point: _Point, direction: Tensor, slope: float
 ) -> _Point | None:
     """Shorten the step until the Armijo condition holds; return the point found, or None."""
     length = 1.0
     for _ in range(_MAX_TRIALS):
-        there = evaluate(here.at + length * direction)
-        if there.value <= here.value + _ARMIJO * length * slope:
-            return there
+        trial = evaluate(point.at + length * direction)
+        if trial.value <= point.value + _ARMIJO * length * slope:
+            return trial
         # Minimum of the parabola through both values and the slope, clamped to 0.1-0.5 of the step.
-        excess = there.value - here.value - length * slope
+        excess = trial.value - point.value - length * slope
         guess = -slope * length * length / (2 * excess) if 0 < excess < math.inf else 0.0
         length = min(max(guess, 0.1 * length), 0.5 * length) if excess < math.inf else 0.25 * length
     return None
@@ -456,16 +458,18 @@ class LbfgsHistory:
         )
         curvature = sy + step_of_scale * change_of_scale
         length = yy + change_of_scale * change_of_scale
-        kept = curvature > _MIN_CURVATURE * ((ss + step_of_scale * step_of_scale) * length).sqrt()
+        is_usable = (
+            curvature > _MIN_CURVATURE * ((ss + step_of_scale * step_of_scale) * length).sqrt()
+        )
         if self._gamma is not None:
-            self._gamma = torch.where(kept, curvature / length, self._gamma)
-        rows = kept if self._groups is None else kept[self._groups]
+            self._gamma = torch.where(is_usable, curvature / length, self._gamma)
+        rows = is_usable if self._groups is None else is_usable[self._groups]
         pair = _Pair(
             torch.where(rows[:, None], step, 0.0),
             torch.where(rows[:, None], change, 0.0),
-            torch.where(kept, step_of_scale, 0.0),
-            torch.where(kept, change_of_scale, 0.0),
-            kept,
+            torch.where(is_usable, step_of_scale, 0.0),
+            torch.where(is_usable, change_of_scale, 0.0),
+            is_usable,
         )
         self._pairs = [*self._pairs[1 - _HISTORY_SIZE :], pair]
 
@@ -512,9 +516,9 @@ class LbfgsHistory:
         """
         gamma = self._gamma
         assert gamma is not None
-        own = slice(None) if self._groups is None else self._groups
+        groups = slice(None) if self._groups is None else self._groups
         if not self._pairs:
-            return gamma[own, None, None] * people, gamma[:, None] * scale
+            return gamma[groups, None, None] * people, gamma[:, None] * scale
         # all pairs: (B, k, D) of people, (B, k) of the scale
         step, change, scale_step, scale_change, kept = (
             torch.stack(part, 1) for part in zip(*self._pairs, strict=True)
@@ -528,6 +532,6 @@ class LbfgsHistory:
         factor = gamma[:, None, None]
         middle = sy.diagonal(dim1=1, dim2=2)[..., None] * u + factor * (yy @ u - by_change)
         v = torch.linalg.solve_triangular(R.mT, middle, upper=False)
-        of_people = factor[own] * (people - change.mT @ u[own]) + step.mT @ v[own]
+        of_people = factor[groups] * (people - change.mT @ u[groups]) + step.mT @ v[groups]
         of_scale = factor[:, 0] * (scale - (scale_change[:, None] @ u)[:, 0])
         return of_people, of_scale + (scale_step[:, None] @ v)[:, 0]

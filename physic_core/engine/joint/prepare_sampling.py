@@ -112,10 +112,12 @@ def subsample_vertices(
     # Vertices of the midline lie on the border of two cells. Rounding puts them into the same cell
     # on every CPU.
     exact = model.double
-    at = torch.round(exact(*exact.zero_pose(1)).vertices[0, rest] * _STEPS_PER_M) / _STEPS_PER_M
-    group, chosen = cluster_points(at, model.part_of_vertex[rest], spacing)
+    rounded = (
+        torch.round(exact(*exact.zero_pose(1)).vertices[0, rest] * _STEPS_PER_M) / _STEPS_PER_M
+    )
+    group, chosen = cluster_points(rounded, model.part_of_vertex[rest], spacing)
     summed = area.new_zeros(len(area), len(chosen)).index_add(1, group, area[:, rest])
-    kept = keep.nonzero(as_tuple=True)[0]
-    ids = torch.cat([kept, rest[chosen]])
+    kept_ids = keep.nonzero(as_tuple=True)[0]
+    ids = torch.cat([kept_ids, rest[chosen]])
     order = ids.argsort()
-    return ids[order], torch.cat([area[:, kept], summed], 1)[:, order]
+    return ids[order], torch.cat([area[:, kept_ids], summed], 1)[:, order]

@@ -65,12 +65,13 @@ def optimize(
     late, first, second = settings.late_terms(energy.sampling)
     minimised = first.minimise(energy, progress)
     minimised, released = _with_late_terms(energy, origin, minimised, late, second)
-    found = _merged_people(state, energy, minimised, rows, failures)
-    assert found.joint is not None
+    result = _merged_people(state, energy, minimised, rows, failures)
+    assert result.joint is not None
     released = tuple(
-        one._replace(person=int(rows[one.person]), other=int(rows[one.other])) for one in released
+        contact._replace(person=int(rows[contact.person]), other=int(rows[contact.other]))
+        for contact in released
     )
-    return settings.finish(replace(found, joint=replace(found.joint, released=released)))
+    return settings.finish(replace(result, joint=replace(result.joint, released=released)))
 
 
 def _with_late_terms(
@@ -90,18 +91,29 @@ def _with_late_terms(
         groups = energy.add_terms(late)
         if groups is None and not released:
             return minimised, released
-        again = optimiser.minimise(energy, groups=groups)
-        off = _reprojection(energy) - misses > _OFF_KEYPOINTS
-        pulled = [
-            one for term in late if isinstance(term, SkinContactTerm) for one in term.skin_contacts
+        second_result = optimiser.minimise(energy, groups=groups)
+        has_moved_keypoints = _reprojection(energy) - misses > _OFF_KEYPOINTS
+        contacts = [
+            contact
+            for term in late
+            if isinstance(term, SkinContactTerm)
+            for contact in term.skin_contacts
         ]
-        lost = [one for one in pulled if off[one.person] or off[one.other]]
-        if not lost:
-            return join_results(energy, origin, minimised, again), released
-        released += tuple(lost)
+        failed_contacts = [
+            contact
+            for contact in contacts
+            if has_moved_keypoints[contact.person] or has_moved_keypoints[contact.other]
+        ]
+        if not failed_contacts:
+            return join_results(energy, origin, minimised, second_result), released
+        released += tuple(failed_contacts)
         late = [term for term in late if not isinstance(term, SkinContactTerm)]
-        if kept := [one for one in pulled if not (off[one.person] or off[one.other])]:
-            late.append(SkinContactTerm(kept, energy.sampling))
+        if kept_contacts := [
+            contact
+            for contact in contacts
+            if not (has_moved_keypoints[contact.person] or has_moved_keypoints[contact.other])
+        ]:
+            late.append(SkinContactTerm(kept_contacts, energy.sampling))
         energy.terms = own_terms
         energy.variables.load(converged)
         energy.refresh()
@@ -158,18 +170,18 @@ def _merged_people(
     failures: list[str],
 ) -> State:
     """Return the optimised people, ``rows`` of all, together with the start of the others."""
-    found = energy.variables.unpack()
+    solution = energy.variables.unpack()
     optimised = replace(
         state,
-        rotations=state.rotations.index_copy(0, rows, found.rotations),
-        betas=state.betas.index_copy(0, rows, found.betas),
-        transl=state.transl.index_copy(0, rows, found.transl),
+        rotations=state.rotations.index_copy(0, rows, solution.rotations),
+        betas=state.betas.index_copy(0, rows, solution.betas),
+        transl=state.transl.index_copy(0, rows, solution.transl),
     )
     posed = _unoptimised_result(optimised, failures)
     joint = replace(
         posed,
-        depth_offset=posed.depth_offset.index_copy(0, rows, found.offset),
-        scene_scale=float(found.log_scale.exp()),
+        depth_offset=posed.depth_offset.index_copy(0, rows, solution.offset),
+        scene_scale=float(solution.log_scale.exp()),
         losses={name: (minimised.start[name], minimised.end[name]) for name in minimised.end},
         evaluations=minimised.evaluations,
         steps=minimised.steps,
@@ -189,15 +201,15 @@ def finalize_scene(estimates: Estimates, state: State, settings: SceneStageMetho
     bodies = state.vertices[finite] / state.unapplied_scene_scale
     unseen = estimates.photo.hole & scene.valid
     masks = state.masks[finite][:, unseen]
-    moved, out = move_out_of_bodies(
+    moved, still_inside = move_out_of_bodies(
         scene.points[unseen], bodies, state.model.faces, masks, settings.carve_m
     )
-    if not bool(out.any()):
+    if not bool(still_inside.any()):
         return state
     points = scene.points.clone()
     points[unseen] = moved
     changed = unseen.clone()
-    changed[unseen] = out
+    changed[unseen] = still_inside
     rows, columns = (span_of_true(changed.any(dim), 1) for dim in (1, 0))
     ratio = edge_ratio(*unseen.shape)
     fresh = pointmap_normals(points[rows, columns], scene.valid[rows, columns], ratio)

@@ -243,11 +243,11 @@ class PlacementStageMethod:
         for _ in range(_ROUNDS):
             last = x
             x = gauss_newton([chamfer, *others], x, free)
-            again = self.camera_facing(person, x)
-            if float((x - last).abs().max()) < _MOVED_M or int(again.sum()) < FEWEST_POINTS:
+            new_facing = self.camera_facing(person, x)
+            if float((x - last).abs().max()) < _MOVED_M or int(new_facing.sum()) < FEWEST_POINTS:
                 break
-            facing = again
-            chamfer = self.chamfer_term(person, again)
+            facing = new_facing
+            chamfer = self.chamfer_term(person, new_facing)
         return Fit(x, facing)
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:

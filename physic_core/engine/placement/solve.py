@@ -284,9 +284,9 @@ def _resized(
     floor = placed.scene.floor
     clouds = placed.human_points or (vertices[0, :0],) * len(posed)
     ratio = known.factor * size_factors(vertices, model.soles, feet_seen.tolist(), floor, clouds)
-    own = model.stature(state.betas)
-    unknown = ~torch.isfinite(known.stature.to(own))
-    wanted = torch.where(unknown, own * stature_factor(ratio, own), own)
+    own_stature = model.stature(state.betas)
+    unknown = ~torch.isfinite(known.stature.to(own_stature))
+    wanted = torch.where(unknown, own_stature * stature_factor(ratio, own_stature), own_stature)
     parts = (state.rotations.flatten(1), state.betas, state.expression, state.transl)
     wanted = torch.where(torch.isfinite(torch.cat(parts, 1)).all(1), wanted, torch.nan)
     betas, transl, _ = resize_bodies(model, state.rotations, state.betas, state.transl, wanted)

@@ -57,23 +57,25 @@ def with_measured_shape(pointmap: Pointmap, depth: DepthMap, camera: Intrinsics)
         camera: of the point map.
     """
     rays, metres = tensors(camera.matrix, depth.depth)
-    shown = torch.isfinite(metres) & (metres > 0)
-    target = depth_to_pointmap(torch.where(shown, metres, 1.0), rays)
+    has_depth = torch.isfinite(metres) & (metres > 0)
+    target = depth_to_pointmap(torch.where(has_depth, metres, 1.0), rays)
     options = AlignmentOptions(METRIC_DEPTH_TOLERANCE)
     pixels = PixelPoints.of(pointmap)
     alignment = fit_alignment(
-        pixels.points, target, pixels.valid & shown, pixels.unknown, options=options
+        pixels.points, target, pixels.valid & has_depth, pixels.unknown, options=options
     )
     aligned = apply_alignment(pixels.points, alignment)[..., 2]
-    own, measured = (each.numpy() for each in (aligned, shown))
-    valid = pointmap.valid & np.isfinite(own) & (own > 0)
+    map_depth, measured = (each.numpy() for each in (aligned, has_depth))
+    valid = pointmap.valid & np.isfinite(map_depth) & (map_depth > 0)
     overlap = valid & measured
     if not overlap.any():
         return pointmap
-    own = np.where(valid, own, 1.0)
-    ratio = np.log(np.where(overlap, depth.depth, own) / own)
+    map_depth = np.where(valid, map_depth, 1.0)
+    ratio = np.log(np.where(overlap, depth.depth, map_depth) / map_depth)
     depths = np.where(
-        valid, own * np.exp(_continued(ratio, own, overlap)), np.where(measured, depth.depth, 1.0)
+        valid,
+        map_depth * np.exp(_continued(ratio, map_depth, overlap)),
+        np.where(measured, depth.depth, 1.0),
     )
     points = np.where(
         (valid | measured)[..., None], depth_to_pointmap(tensor(depths), rays).numpy(), 0.0

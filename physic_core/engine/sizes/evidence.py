@@ -274,15 +274,15 @@ def depth_witness(
         camera: of the people's bodies.
         torsos: of the people.
     """
-    own = scene.points[..., 2].astype(np.float64)
+    scene_depth = scene.points[..., 2].astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
-        is_known = scene.valid & (own > 0) & (depth.depth > 0)
-        ratio = depth.depth[is_known] / own[is_known]
+        is_known = scene.valid & (scene_depth > 0) & (depth.depth > 0)
+        ratio = depth.depth[is_known] / scene_depth[is_known]
     if not len(ratio):
         return None
     people = (torsos.depth / torsos.scale)[np.isfinite(torsos.scale)]
     weight = (
-        np.exp(-0.5 * (np.log(own[is_known] / np.median(people)) / _NEAR) ** 2)
+        np.exp(-0.5 * (np.log(scene_depth[is_known] / np.median(people)) / _NEAR) ** 2)
         if len(people)
         else 1.0
     )
@@ -292,8 +292,10 @@ def depth_witness(
     if depth.intrinsics is not None and not depth.intrinsics.known:
         scale *= math.sqrt(camera.fx * camera.fy / (depth.intrinsics.fx * depth.intrinsics.fy))
     stated = depth.scale_sigma
-    sigma, sure = (DEPTH_SCALE_SIGMA, _SURE) if stated is None else (stated, _SURE_IF_STATED)
-    return Witnesses.single(scale, sigma, sure)
+    sigma, right_probability = (
+        (DEPTH_SCALE_SIGMA, _SURE) if stated is None else (stated, _SURE_IF_STATED)
+    )
+    return Witnesses.single(scale, sigma, right_probability)
 
 
 def median_depth(pointmap: Pointmap) -> float:

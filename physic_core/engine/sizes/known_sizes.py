@@ -229,8 +229,8 @@ def scale_scene_to_known_sizes(
     d = located.distances
     on_scene = (d.person == _ON_SCENE).all(1)
     extent = torch.linalg.vector_norm(d.points[on_scene, 0] - d.points[on_scene, 1], dim=-1)
-    shown = zip(d.metres[on_scene].tolist(), extent.clamp(min=1e-6).tolist(), strict=True)
-    evidence += [ScaleEvidence.by_known_size(metres, length) for metres, length in shown]
+    known_and_shown = zip(d.metres[on_scene].tolist(), extent.clamp(min=1e-6).tolist(), strict=True)
+    evidence += [ScaleEvidence.by_known_size(metres, length) for metres, length in known_and_shown]
     scale = combined_scale(evidence)
     if scale is None:
         return scene, located

@@ -176,14 +176,14 @@ def _log_likelihood(witnesses: Witnesses, shifts: FloatArray, reference: float) 
         sure[:, None] * right + (1 - sure)[:, None] * np.maximum(wrong, _LEAST_DENSITY) + 1e-300
     )
     total = each.sum(1)
-    most = total.max()
+    maximum = total.max()
     shares = [
         (1 - witnesses.shared_wrong, witnesses.shared_sigma),
         (witnesses.shared_wrong, _SHARED_WRONG_SIGMA),
     ]
-    density = np.exp(total - most)
+    density = np.exp(total - maximum)
     smooth = sum(share * _convolved(density, sigma) for share, sigma in shares if share)
-    return np.asarray(np.log(smooth + 1e-300) + most)
+    return np.asarray(np.log(smooth + 1e-300) + maximum)
 
 
 def _convolved(density: FloatArray, shared_sigma: float) -> FloatArray:

@@ -377,19 +377,19 @@ def resize_children(
     notes = []
     table = load_child_growth()
     has_body = np.isfinite(betas).all(1)
-    given, years = known.filled(len(betas))
+    known_statures, years = known.filled(len(betas))
     for i in np.flatnonzero((years < ADULT_YEARS) & has_body).tolist():
         mean, sigma = table.at_age(years[i])
         statures[i] = np.exp(mean)
         spread = f" ± {100 * sigma:.0f} %"
-        if np.isfinite(given[i]):
-            statures[i] = given[i]
+        if np.isfinite(known_statures[i]):
+            statures[i] = known_statures[i]
             spread = ""
         notes.append(
             f"person {i} is a child of {years[i]:g} years, {statures[i]:.2f} m{spread} tall "
             f"before the joint fit"
         )
-    seems = 1 - adult_probability(given, years, child) >= LEAST_PROBABILITY
+    seems = 1 - adult_probability(known_statures, years, child) >= LEAST_PROBABILITY
     mean, sigma = log_stature_of_children()
     for i in np.flatnonzero(seems & has_body).tolist():
         statures[i] = np.exp(mean)

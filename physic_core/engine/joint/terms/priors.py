@@ -87,10 +87,10 @@ def stated_weights(state: State, expected: Tensor) -> Tensor:
     children = [
         [j for j, parent in enumerate(PARENTS) if parent == i] or [i] for i in range(len(expected))
     ]
-    shown = torch.stack([state.observed[:, moved].any(1) for moved in children], 1)
-    shown = shown | state.is_given[:, None]
+    is_visible = torch.stack([state.observed[:, moved].any(1) for moved in children], 1)
+    is_visible = is_visible | state.is_given[:, None]
     sigma = state.rotation_sigma.to(expected).clamp(min=_LEAST_ROTATION_SIGMA)
-    return torch.where(shown, STATED_WEIGHT * (expected / sigma).square(), torch.nan)
+    return torch.where(is_visible, STATED_WEIGHT * (expected / sigma).square(), torch.nan)
 
 
 def given_weights(state: State, distance: Tensor) -> Tensor:
@@ -250,8 +250,10 @@ class KnownSizeTerm(Term):
         estimate = bodies.estimate
         is_known = torch.isfinite(known.stature)
         stature = torch.where(is_known, known.stature, self._stature.height)
-        own = stature_prior(self._stature(estimate.betas), stature, KNOWN_SIZE_SIGMA) * is_known
-        shared = own.new_zeros(())
+        own_energy = (
+            stature_prior(self._stature(estimate.betas), stature, KNOWN_SIZE_SIGMA) * is_known
+        )
+        shared = own_energy.new_zeros(())
         if known.camera_height is not None and self._floor is not None:
             height = estimate.log_scale + math.log(self._floor.offset / known.camera_height)
             shared = shared + (height / KNOWN_SIZE_SIGMA).square()
@@ -260,7 +262,10 @@ class KnownSizeTerm(Term):
         extents = known.distances.measure(self._ends, bodies.vertices, estimate.log_scale.exp())
         for extent, metres in zip(extents, known.distances.metres, strict=False):
             shared = shared + ((extent.clamp(min=1e-3) / metres).log() / KNOWN_SIZE_SIGMA).square()
-        return {"known_stature": own, "known_scene": (shared / len(own)).expand(len(own))}
+        return {
+            "known_stature": own_energy,
+            "known_scene": (shared / len(own_energy)).expand(len(own_energy)),
+        }
 
 
 class SceneScaleTerm(Term):

@@ -183,11 +183,11 @@ class DepthTerm(SurfaceTerm):
         self.log_map_depth, known = _sample(sampling.log_depth, visibility.uv)
         edge_px = sampling.person_px * _EDGE_SHARE
         well_inside = sample_mask_neighbours(visibility.uv, sampling.state.masks, edge_px).all(0)
-        shown = visibility.unobstructed & known & well_inside & visibility.eligible
+        is_visible = visibility.unobstructed & known & well_inside & visibility.eligible
         # A slanted surface covers fewer pixels.
         rays = torch.nn.functional.normalize(snapshot.vertices, dim=-1)
         slope = -(visibility.normals * rays).sum(-1)
-        weight = torch.where(shown, sampling.area * slope, 0.0)
+        weight = torch.where(is_visible, sampling.area * slope, 0.0)
         share = weight / weight.sum(1, keepdim=True).clamp(min=1e-9)
         return RobustSum(
             "cauchy",
@@ -208,19 +208,21 @@ def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:
     """
     state = sampling.state
     feet_visible = sampling.feet_visible
-    alone = torch.full_like(state.transl[:, 2], settings.offset_alone_sigma)
+    sigma_alone = torch.full_like(state.transl[:, 2], settings.offset_alone_sigma)
     if sampling.around.floor is None:
-        return alone
-    on_floor = feet_visible.any(1).to(alone)
+        return sigma_alone
+    on_floor = feet_visible.any(1).to(sigma_alone)
     if state.limb_touch_probability is not None:
-        on_floor = on_floor * (1 - (1 - state.limb_touch_probability[:, :2].to(alone)).prod(1))
+        on_floor = on_floor * (
+            1 - (1 - state.limb_touch_probability[:, :2].to(sigma_alone)).prod(1)
+        )
     if state.rest_probability is not None:
         on_floor = torch.where(
-            torch.isfinite(state.rest_probability), state.rest_probability.to(alone), on_floor
+            torch.isfinite(state.rest_probability), state.rest_probability.to(sigma_alone), on_floor
         )
     if state.distance_sigma is not None:  # the user states where they are
         on_floor = torch.where(torch.isfinite(state.distance_sigma), 1.0, on_floor)
-    return torch.lerp(alone, torch.full_like(alone, settings.offset_sigma), on_floor)
+    return torch.lerp(sigma_alone, torch.full_like(sigma_alone, settings.offset_sigma), on_floor)
 
 
 def _sample(log_depth: Tensor, uv: Tensor) -> tuple[Tensor, Tensor]:

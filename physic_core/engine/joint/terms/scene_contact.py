@@ -279,9 +279,11 @@ class SoleTerm:
         height = snapshot.contacts.height
         lowest = torch.stack([lowest_height(height[:, rows]) for rows in sampling.soles], 1)
         on_floor = sampling.feet_visible & torch.isfinite(lowest)
-        likely = torch.stack([sampling.is_contact[:, rows].any(1) for rows in sampling.soles], 1)
+        is_likely_contact = torch.stack(
+            [sampling.is_contact[:, rows].any(1) for rows in sampling.soles], 1
+        )
         lower = torch.where(on_floor, lowest, torch.inf).amin(1)
-        pulled = (on_floor & likely).any(1) & (lower.abs() < _MAX_LOWER_HEIGHT_M)
+        pulled = (on_floor & is_likely_contact).any(1) & (lower.abs() < _MAX_LOWER_HEIGHT_M)
         unseen = ~sampling.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M)
         touch = torch.ones_like(lowest)
         either = torch.ones_like(lowest[:, 0])

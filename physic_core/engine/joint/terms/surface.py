@@ -86,14 +86,14 @@ class _SurfaceEnergies(torch.autograd.Function):
         unit = 1.0 / log_scale.exp().reshape(-1, 1)
         ahead = unit * (data.normals * points).sum(1)
         over = unit * (data.floor_normal @ points)
-        at = VertexDistances(
+        distances = VertexDistances(
             scene=ahead - data.plane_distance,
             floor=over + data.floor_offset,
             last_floor=over + unit * (data.floor_offset * data.last_scale),
             log_depth=points[:, 2].clamp(min=MIN_DEPTH_M).log(),
             log_scale=(log_scale + offset)[:, None],
         )
-        residuals = [term.residual(at) for term, _ in data.terms]
+        residuals = [term.residual(distances) for term, _ in data.terms]
         sums = [
             total.values_and_slopes(residual.value)
             for (_, total), residual in zip(data.terms, residuals, strict=True)
@@ -102,8 +102,8 @@ class _SurfaceEnergies(torch.autograd.Function):
         deviation = (points - pelvis[..., None]) - root @ data.relative
         mesh_slope = 2.0 * data.mesh_weight[:, None] * deviation
         mesh = 0.5 * (mesh_slope * deviation).sum((1, 2))
-        feet = [sole[lowest_sole_indices(at.floor[:, sole])] for sole in data.soles]
-        lowest = [at.floor.gather(1, foot).mean(1) for foot in feet]
+        feet = [sole[lowest_sole_indices(distances.floor[:, sole])] for sole in data.soles]
+        lowest = [distances.floor.gather(1, foot).mean(1) for foot in feet]
 
         ctx.data = data
         ctx.residuals = residuals
