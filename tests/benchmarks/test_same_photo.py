@@ -38,11 +38,6 @@ def test_the_mirrored_result_of_a_mirrored_photo_is_no_change():
     assert found.people[0].distance == pytest.approx(0)
 
 
-def test_a_result_that_is_not_mirrored_is_another_person():
-    found = change(answer(), answer(BY_NAME["mirror"]))
-    assert (found.lost, found.new) == (1, 1)
-
-
 def test_what_is_changed_by_hand_is_measured():
     (person,) = answer().people
     moved = replace(person, distance=1.1 * person.distance, usable=())

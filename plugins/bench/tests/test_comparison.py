@@ -47,20 +47,13 @@ def test_people_are_matched_by_their_masks(result, other):
     comparison = compare_results(result, other)
     assert [person.index for person in comparison.people] == [(0, 1), (1, 0)]
     same, moved = comparison.people
-    assert same.joints is not None
     assert (same.joints.mean_m, same.contacts[0]) == (0, same.contacts[1])
-    assert moved.joints is not None
-    assert moved.pose is not None
     assert moved.joints.mean_m == pytest.approx(0.3, abs=1e-5)
     assert moved.pose.mean_m == pytest.approx(0, abs=1e-5)
     assert moved.contacts == (("left foot: floor",), ("left foot: floor", "left hand: table"))
     assert [one["place"] for one in moved.marks] == [0.9, 0.2]
     away = [np.linalg.norm(one.people[index].joints[0]) for one, index in ((result, 1), (other, 0))]
     assert moved.distance_m == pytest.approx(away)
-    depths = result.scene.points[result.scene.valid, 2]
-    assert comparison.depth_m == pytest.approx(
-        (np.median(depths), 1.1 * np.median(depths)), rel=1e-4
-    )
     assert comparison.depth_difference == pytest.approx(0.1, rel=1e-3)
 
 
@@ -69,7 +62,6 @@ def test_the_joint_that_is_farthest_apart_is_named(result):
     joints[JOINT_NAMES.index("left_wrist")] += np.float32([0, 0.22, 0])
     other = replace(result, people=(replace(result.people[0], joints=joints), *result.people[1:]))
     pose = compare_results(result, other).people[0].pose
-    assert pose is not None
     assert (pose.worst, pose.worst_m, pose.mean_m) == (
         "left_wrist",
         pytest.approx(0.22),
@@ -154,10 +146,8 @@ def test_the_command_prints_a_table_or_json(saved, physic):
         r"person 1 of A, 0 of B +place usable +place doubtful +3.84 m +4.14 m +300 mm \(", row
     )
     assert "beach.jpg" in done.output
-    assert "marks of people in B: 1 worse, 1 the same" in done.output
     data = json.loads(physic("compare", *saved, "--json").output)
     assert data["photos"][0]["people"][1]["joints"]["mean_m"] == pytest.approx(0.3, abs=1e-4)
-    assert data["only_a"] == data["only_b"] == []
 
 
 def test_the_page_has_the_pictures_and_the_table_and_links_to_the_pages(

@@ -66,9 +66,6 @@ def test_the_truth_itself_has_no_error(mini, files, tmp_path):
     assert values["recall@5 cm"] == pytest.approx(recall)
     gaps = np.mean([1000 * h[h <= 0.02].mean() for h in mini.height.values()])
     assert values["floating_mm"] == pytest.approx(gaps, abs=0.01)
-    text = (tmp_path / "out" / "table.txt").read_text()
-    assert "meshes are in the frame 'vicon'" in text
-    assert "joints compared: 22 (posed SMPL-X)" in text
 
 
 def test_a_shift_of_5_cm_down_has_an_error_of_5_cm_in_every_measure(mini, files, tmp_path):
@@ -120,7 +117,6 @@ def test_pictures_are_mirrored_before_use_and_replace_no_other_picture(mini, fil
         right = picture.getpixel((470, 10))
     assert left[0] > 240
     assert right[0] < 15
-    assert frame.camera is not None
     assert frame.camera.distortion == (0.02, -0.03, 0.001, 0.0005, 0.01)
     shutil.copy(frame.picture.path, path)
     with pytest.raises(OutputError, match="did not write"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 
 import numpy as np
@@ -35,11 +36,14 @@ def test_torch_tensors_and_cut_off_pickles_are_refused(content, reason, tmp_path
     "read",
     [read_npz, read_pickled, read_json, read_mesh, lambda path: open_picture(path).__enter__()],
 )
-@pytest.mark.parametrize("content", [None, b"", b"\x00\xff[{"], ids=["missing", "empty", "garbage"])
-def test_a_file_that_cannot_be_read_is_named(read, content, tmp_path):
+@pytest.mark.parametrize(
+    "make",
+    [lambda path: None, os.mkfifo, lambda path: path.write_bytes(b"\x00\xff[{")],
+    ids=["missing", "pipe", "garbage"],
+)
+def test_a_file_that_cannot_be_read_is_named_without_waiting(read, make, tmp_path):
     file = tmp_path / "a.ply"
-    if content is not None:
-        file.write_bytes(content)
+    make(file)
     with pytest.raises(DamagedFrameError, match=file.name):
         read(file)
 

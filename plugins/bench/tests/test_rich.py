@@ -104,8 +104,6 @@ def test_errors_and_contact_on_another_mesh(root, files, tmp_path):
     assert (values["me_mpjpe"], values["me_pve"]) == pytest.approx((50, 50), abs=0.01)
     assert values["recall@annotated"] > 0.7  # carried to 10475 vertices and back
     assert values["precision@annotated"] > 0.7
-    text = (tmp_path / "out" / "table.txt").read_text()
-    assert "contact from smplx to smpl transferred between the T-poses" in text
 
 
 def test_each_camera_has_its_view(root, files):

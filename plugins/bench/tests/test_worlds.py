@@ -13,41 +13,25 @@ from PIL import Image
 from physic_bench.bodies import BodyFiles
 from physic_bench.datasets.worlds import frames
 from physic_bench.evaluation import Method, evaluate_methods
-from physic_bench.scoring import LIMB_JOINTS
 from physic_core.errors import OutputError
 from physic_testing.worlds import load_world
 
-from .miniatures import NAMES, TRUE, evaluated, figures, run, write_results
-
-HIPS = [LIMB_JOINTS.index(f"{side}_hip") for side in ("left", "right")]
+from .miniatures import NAMES, evaluated, figures, run, write_results
 
 
 def by(*offset):
     return lambda points: points + np.array(offset)
 
 
-def test_a_shift_of_5_cm_has_an_error_of_5_cm(root):
-    values = evaluated(root, write_results(root, move=by(0.03, 0, 0.04)))
-    depths = [TRUE[name][HIPS, 2].mean() for name in NAMES]
-    assert values == {
-        "found": 1.0,
-        "me_mpjpe": pytest.approx(50),
-        "ca_mpjpe": pytest.approx(0, abs=1e-4),
-        "pa_mpjpe": pytest.approx(0, abs=1e-4),
-        "rt_error": pytest.approx(50),
-        "depth_ratio": pytest.approx(np.mean([(z + 0.04) / z for z in depths])),
-    }
-
-
 def test_floor_and_height_of_the_camera(root):
-    theirs = write_results(root)
     for name in NAMES:
         floor = load_world(name).floor
         across = np.cross(floor.normal, [1, 0, 0])
         across /= np.linalg.norm(across)
         tilted = np.cos(np.radians(2)) * floor.normal + np.sin(np.radians(2)) * across
-        write_results(root, (name,), floor=np.array([*tilted, 1.1 * floor.offset]))
+        theirs = write_results(root, (name,), floor=np.array([*tilted, 1.1 * floor.offset]))
     values = evaluated(root, theirs)
+    assert values["depth_ratio"] == pytest.approx(1)
     assert values["floor_angle_deg"] == pytest.approx(2, abs=1e-3)
     assert values["camera_height_ratio"] == pytest.approx(1.1)
 
@@ -66,7 +50,6 @@ def test_methods_are_compared_in_pairs_and_written_as_tables(root):
     assert [(r["frame"], r["reason"]) for r in missing] == [(NAMES[2], "no result")]
     text = (out / "table.txt").read_text()
     assert f"two: 1 of 3 frames without a result: {NAMES[2]} (no result)\n" in text
-    assert "Difference from one" in text
     assert "| MPJPE, mm |" in (out / "table.md").read_text()
 
 
