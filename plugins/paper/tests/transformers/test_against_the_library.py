@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.types import Hints
+from physic_core.types import Hints, Intrinsics
 from physic_transformers import depth_pro, grounded_sam2
 
 SIZES = [(480, 640), (1080, 1920), (97, 131), (120, 900)]
@@ -94,5 +94,8 @@ class TestDepthPro:
         backend._network = {"weights": SimpleNamespace(config=config, run=lambda **_: out)}
         answer = backend.infer(photo(height, width), Hints())
         np.testing.assert_allclose(answer.depth, theirs.numpy(), rtol=1e-4)
-        assert answer.intrinsics is not None
         assert answer.intrinsics.fx == pytest.approx(float(focal), rel=1e-5)
+        known = Intrinsics.from_focal(2 * answer.intrinsics.fx, width, height, "EXIF")
+        scaled = backend.infer(photo(height, width), Hints(intrinsics=known))
+        np.testing.assert_allclose(scaled.depth, 2 * answer.depth, rtol=1e-5)
+        assert scaled.intrinsics == known

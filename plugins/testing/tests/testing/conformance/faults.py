@@ -109,10 +109,6 @@ def in_one_mask(people, *_):
     return replace(one, masks=masks, boxes=boxes_from_masks(masks))
 
 
-def inverted(people, *_):
-    return after(in_one_mask, with_masks(np.logical_not), fields(floor=lambda _: None))(people)
-
-
 # ---- keypoints
 
 
@@ -134,10 +130,6 @@ def sorted_rows(answer, image, people, *_):
 
 
 # ---- depth and points
-
-
-def of_half_a_grid(z):
-    return z[::2, ::2].repeat(2, axis=0).repeat(2, axis=1)[: z.shape[0], : z.shape[1]]
 
 
 def only_corner(z):
@@ -237,10 +229,6 @@ def other_mesh(contact, *_):
     return ContactProbability(contact.probability[:, order], "shuffled", rest)
 
 
-def sigmoid(values):
-    return 1 / (1 + np.exp(-values))
-
-
 MILLIMETRES = fields(vertices=lambda vertices: 1000 * vertices)
 NO_PEOPLE_IS_AN_ERROR = raising(
     ValueError("need at least one array to stack"), lambda image, p, *_: not len(p)
@@ -265,7 +253,6 @@ RIGHT = {
 FAULTS = {
     "MockSegmenter": {
         "everybody in one mask": ("masks_lie_on_people", in_one_mask),
-        "inverted masks": ("masks_lie_on_people", inverted),
         "worst score first": (
             "masks_lie_on_people",
             fields(masks=np.flipud, boxes=np.flipud, scores=np.flipud),
@@ -312,7 +299,6 @@ FAULTS = {
         ),
         "hints that are there": ("works_without_hints", needing("people")),
         "only a corner": ("depth_is_where_it_can_be_known", fields(depth=only_corner)),
-        "half-size grid": ("depth_is_where_it_can_be_known", fields(depth=of_half_a_grid)),
         "0.3 m too far": ("unknown_names_the_ambiguity", fields(depth=lambda z: z + 0.3)),
         "a sigma in percent": ("states_what_it_promises", fields(scale_sigma=lambda _: 10.0)),
     },
@@ -337,7 +323,6 @@ FAULTS = {
     },
     "MockKeypointDetector": {
         "all points sure": ("confidence_tells_hidden_joints", fields(confidence=np.ones_like)),
-        "sigmoid twice": ("confidence_tells_hidden_joints", fields(confidence=sigmoid)),
         "an error without people": ("accepts_a_photo_without_people", NO_PEOPLE_IS_AN_ERROR),
         "rows from left to right": ("rows_follow_the_people", sorted_rows),
         "points that lie nowhere on a body": (

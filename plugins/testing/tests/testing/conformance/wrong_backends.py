@@ -39,11 +39,6 @@ def wrong(mistake, check):
 # ---- the class and its options
 
 
-@wrong("no infer", "class_fits_its_interface")
-class Abstract(interfaces.MetricDepth):
-    pass
-
-
 @wrong("infer without hints", "class_fits_its_interface")
 class Narrow(RightDepth):
     def infer(self, image):
@@ -140,21 +135,6 @@ class Writing(RightDepth):
         answer = super().infer(image, hints)
         image[0, 0] = 0
         return answer
-
-
-@wrong("a mean over photos", "output_depends_on_the_photo_alone")
-class Remembering(RightDepth):
-    scale = 1.0
-
-    def infer(self, image, hints):
-        answer = super().infer(image, hints)
-        scale = self.scale
-        self.scale = self.scale * 1.01
-        return replace(answer, depth=answer.depth * np.float32(scale))
-
-    def close(self):
-        super().close()
-        self.scale = 1.0
 
 
 @wrong("one buffer for every answer", "output_depends_on_the_photo_alone")
