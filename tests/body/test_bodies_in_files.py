@@ -204,8 +204,6 @@ def test_smpler_x_of_all_people_of_a_photo(tmp_path, smplx, smplx_path):
     far = joints[:3] + (transl * [0, 0, 19])[:3, None]
     assert off(found, far, slice(0, 55)) < 0.1
     np.testing.assert_allclose(found.camera[2], [9002, 9000, 300, 202])
-    one = read(tmp_path / "smplx" / "00001_4.npz", smplx_path)
-    assert off(one, far[2:], slice(0, 55)) < 0.1
 
 
 class NumpyArrayWrapper:
@@ -358,10 +356,8 @@ def test_keypoints_of_sam_3d_body_need_no_model(tmp_path, smplx):
     ("key", "value", "words"),
     [
         ("focal_length", np.nan, "nan px"),
-        ("focal_length", 1e30, "1e"),
         ("focal_length", np.array(750 + 1j), "focal_length"),
         ("pred_keypoints_3d", np.full((70, 3), np.nan), "nowhere"),
-        ("pred_keypoints_3d", np.full((70, 3), np.inf), "nowhere"),
         ("pred_keypoints_3d", np.full((70, 3), 1e30), "1e.30 m away"),
     ],
 )
@@ -399,15 +395,6 @@ def test_obj_of_4d_humans(tmp_path, embedded64, smaller, smpl_path, people, maps
         trimesh.Trimesh(body * [1, -1, -1], smaller.faces, process=False).export(tmp_path / name)
     both = read(tmp_path, smpl_path)
     assert converted_mm(both, np.stack([joints[0], joints[0] - [1, 0, 10]]), embedded64) < 2
-
-
-def test_obj_of_camerahmr_has_no_place(tmp_path, embedded64, smaller, smpl_path, people):
-    out = embedded64(*(torch.from_numpy(people[n]) for n in ("rotations", "betas", "transl")))
-    body = smaller.from_embedded @ (out.vertices[0].numpy() - people["transl"][0])
-    trimesh.Trimesh(body, smaller.faces, process=False).export(tmp_path / "photo_000000.obj")
-    found = read(tmp_path / "photo_000000.obj", smpl_path)
-    assert not found.is_placed
-    assert found.notes
 
 
 def test_keypoints_place_an_obj_without_a_place(tmp_path, smaller, smpl_path, maps):

@@ -8,20 +8,24 @@ import pytest
 import torch
 from torch import Tensor
 
-from physic_core.body import load_body
-from physic_core.types import Intrinsics, skeleton_named
+import physic_embedded.body_fit.fit as fit_module
+from physic_core.types import Hints, Observations
+from physic_core.types.observations import POSTURES
 from physic_embedded.body_fit.derivatives import derivatives, loss_and_gradient
-from physic_embedded.body_fit.fit_problem import (
-    FloorConstraint,
-    InitialPose,
-    LegsByPosture,
-    LiftedLimbs,
-    OutlinePairs,
-    fit_problem,
-    with_outlines,
-)
 from physic_embedded.body_fit.minimise import approach_minimum, covariance, minimise
-from physic_embedded.body_fit.observations import BodyObservations
+
+from .test_bodies import (
+    CAMERA,
+    FLOOR,
+    IMAGE,
+    PLACES,
+    SITS,
+    WALKS,
+    loaded,
+    truth,
+    with_keypoints,
+)
+from .test_outlines import depth_of, silhouette, with_masks
 
 
 def valley_loss(x, a):
@@ -110,62 +114,26 @@ def test_no_person_moves_where_the_loss_is_nan():
     assert problem.loss(minimum(problem, start)) <= problem.loss(start)
 
 
-def two_people(*, landmarks):
-    """Two people of random keypoints, with all terms: floor, feet, legs, heads, outlines, limbs."""
-    rng = np.random.default_rng(0)
-    skeleton = skeleton_named("coco23")
-    shape = (2, len(skeleton))
-    observations = BodyObservations(
-        skeleton=skeleton,
-        intrinsics=Intrinsics.from_focal(900.0, 1000, 800),
-        points=rng.uniform(200, 600, (*shape, 2)),
-        weight=rng.uniform(0.5, 1, shape),
-        confidence=np.full(shape, 0.9),
-        size=np.array([300.0, 350.0]),
-        turn=np.broadcast_to(np.eye(3), (2, 3, 3)),
-        world=rng.normal(0, 0.5, (*shape, 3)) if landmarks else None,
-        world_weight=rng.uniform(0.5, 1, shape),
-        touch=np.ones((2, 2)),
-        head=np.array([[0.6, 0.0, -0.8], [0.0, 0.6, -0.8]]),
-        head_sigma=np.array([0.1, 0.2]),
-    )
-    yes = np.ones(2, bool)
-    legs = LegsByPosture(
-        np.array([[0.97, 0.94], [0.25, 0.0]]), np.array([[0.08, 0.12], [-0.12, np.inf]])
-    )
-    model = load_body("embedded").to(dtype=torch.float64)
-    problem = fit_problem(
-        model,
-        observations,
-        InitialPose(
-            np.broadcast_to(np.diag([1.0, -1.0, -1.0]), (2, 3, 3)),
-            rng.normal(0, 0.3, (2, 21, 3)),
-            np.array([[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]]),
-        ),
-        FloorConstraint(np.array([0.0, -1.0, 0.0]), yes, yes, np.array([0.1, -0.1]), legs),
-    )
-    problem = replace(problem, feet=torch.ones(2, dtype=torch.float64))
-    pairs = (2, 5)
-    return with_outlines(
-        problem,
-        OutlinePairs(
-            torch.arange(0, 5000, 500),
-            torch.from_numpy(rng.integers(0, 10, pairs)),
-            torch.from_numpy(rng.normal(0, 0.003, (*pairs, 2))),
-            torch.from_numpy(rng.uniform(-1, 0.5, pairs)),
-            torch.ones(pairs, dtype=torch.float64),
-        ),
-        LiftedLimbs(
-            torch.from_numpy(rng.normal(0, 0.4, (2, 12, 3))),
-            torch.from_numpy(rng.uniform(0, 1, (2, 12))),
-            torch.zeros(2, 12, dtype=torch.float64),
-        ),
-    )
-
-
 @pytest.mark.parametrize("landmarks", [False, True])
-def test_the_hessian_of_the_fit_is_that_of_differences(landmarks):
-    problem = two_people(landmarks=landmarks)
+def test_the_hessian_of_the_fit_is_that_of_differences(landmarks, monkeypatch):
+    """Of two people with all terms: floor, feet, legs, heads, outlines, limbs."""
+    seen = truth([WALKS, SITS], PLACES[:2], noise_px=3.0)
+    seen = with_masks(seen, *(silhouette(body) for body in seen.vertices))
+    if not landmarks:
+        seen = with_keypoints(seen, world=None)
+    said = replace(
+        Observations.unknown(2),
+        posture=np.tile(0.01 + 0.91 * (np.array(POSTURES) == "sit"), (2, 1)),
+        head=np.float32([[0.6, 0.0, -0.8], [0.0, 0.6, -0.8]]),
+        head_sigma=np.float32([6, 12]),
+    )
+    solved = []
+    monkeypatch.setattr(
+        fit_module, "minimise", lambda *given, **_: solved.append(given) or given[1]
+    )
+    hints = Hints(floor=FLOOR, observations=said, original=depth_of(seen))
+    loaded().infer(IMAGE, seen.people, CAMERA, seen.keypoints, hints)
+    problem, _ = solved[-1]
     generator = torch.Generator().manual_seed(0)
     at = 0.5 * torch.randn(2, problem.num_unknowns, dtype=torch.float64, generator=generator)
     loss, gradient, hessian = derivatives(problem, at)

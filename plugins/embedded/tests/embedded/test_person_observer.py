@@ -97,17 +97,6 @@ def test_sides_and_people_change_places_with_their_keypoints():
     assert np.isnan(first.touch[0, 2:]).all()
 
 
-def test_nobody_is_observed_without_an_error(grid):
-    nobody = keypoints_at({})
-    nobody = Keypoints(nobody.points[:0], nobody.confidence[:0], "blazepose33")
-    channels = fitted_numbers()["foot"].shape[1] - 2
-    tokens = PatchTokens(np.zeros((8, 12, channels)), grid.patch, grid.photo)
-    found = observations_from_features(
-        features_of_questions(tokens, np.zeros((0, 4)), nobody), fitted_numbers()
-    )
-    assert (found.posture.shape, found.touch.shape, found.child.shape) == ((0, 9), (0, 10, 5), (0,))
-
-
 @pytest.fixture
 def two_people():
     """Two people side by side, all of whose keypoints are seen."""
