@@ -173,20 +173,6 @@ def walled(normal, camera_height=1.5, askew_deg=20.0):
     return depth, floor <= depth
 
 
-def test_feet_beside_the_mask_move_the_floor_to_the_ground_round_them():
-    normal = up(12)
-    depth = meet(normal, 1.5).clamp(max=20)
-    mask = depth < 20
-    depth[120:160, 130:190] *= 0.9  # the ground that the people stand on lies nearer
-    depth[60:, :30] = 0.7  # something near, so that this is a small part of the range
-    mask[:, :30] = False
-    mask[60:150, 150:172] = False  # the people themselves
-    feet = torch.tensor([[158.0, 142.0], [164.0, 143.0]])
-    moved = fit_floor(depth, mask=mask, feet_px=feet)
-    assert_moved(fit_floor(depth, mask=mask), moved, 1.5, 1.35)
-    assert moved.plane.source == "floor mask"
-
-
 @pytest.mark.parametrize("pitch", [15.0, 25.0])
 def test_surfaces_tell_a_small_floor_from_a_big_table_beside_it(pitch):
     normal = up(pitch)

@@ -23,8 +23,7 @@ from physic_core.engine.ground.floor_and_scale import (
 )
 from physic_core.engine.ground.ground_near_people import feet_pixels
 from physic_core.engine.ground.stance import Stance
-from physic_core.engine.sizes.evidence import depth_witness
-from physic_core.engine.sizes.scale_vote import Witnesses, scaled_depth
+from physic_core.engine.sizes.scale_vote import scaled_depth
 from physic_core.geometry.floor import PlaneFit
 from physic_core.types import (
     Bodies,
@@ -70,7 +69,6 @@ def level_floor(height_m):
     return FloorCandidate(fit, {"pixels": 5.0})
 
 
-NO_WITNESSES = Witnesses(*[np.zeros(0)] * 4, 0.0)
 NO_FLOOR = FloorCandidate(None, {"no pixel to explain": 1.5})
 FLOOR = (level_floor(CAMERA_HEIGHT), NO_FLOOR)
 
@@ -254,16 +252,6 @@ def test_people_and_a_metric_depth_of_like_errors_meet_between_them(world):
     assert found.scale.sigma < world.answer().scale.sigma
     assert found.depth.notes[0] == "a network"
     assert f"{math.exp(off) / 1.2:.3g}" in found.depth.notes[-1]
-
-
-def test_a_metric_depth_is_converted_to_the_focal_length_of_the_bodies(world):
-    estimated = Intrinsics.from_focal(0.8 * CAMERA.fx, WIDTH, HEIGHT)
-    depth = DepthMap((0.8 * world.depth).astype(np.float32), estimated, 0.01)
-    witness = depth_witness(depth, world.photo.scene_map, CAMERA, NO_WITNESSES)
-    assert witness.scale == pytest.approx(UNIT)
-    known = replace(depth, intrinsics=replace(estimated, trust=CameraTrust.KNOWN))
-    witness = depth_witness(known, world.photo.scene_map, CAMERA, NO_WITNESSES)
-    assert witness.scale == pytest.approx(0.8 * UNIT)
 
 
 def test_people_at_several_depths_show_the_shift_of_the_inverse_depth():

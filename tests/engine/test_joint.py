@@ -255,23 +255,11 @@ def test_without_floor_and_scene_the_photo_alone_decides(standing):
     assert error_mm(result, standing) < 30
 
 
-@pytest.mark.parametrize(
-    ("preset", "message"),
-    [
-        ("default", "the depth term compares pixels, but the depth of the photo is missing"),
-        (
-            "paper",
-            "the depth term compares point clouds, but neither points of people nor a depth of "
-            "the photo are there",
-        ),
-    ],
-)
-def test_depth_without_its_data_is_refused(standing, preset, message):
+def test_depth_without_its_data_is_refused(standing):
     state = replace(standing.state, photo_depth=None)
-    joint = engine_preset(preset).joint
-    with pytest.raises(PhysicError, match=message):
-        optimize(state, joint)
-    found = optimize(state, adjusted(joint.without("depth"), optimiser__steps=1))
+    with pytest.raises(PhysicError, match="the depth of the photo is missing"):
+        optimize(state, SETTINGS)
+    found = optimize(state, adjusted(SETTINGS.without("depth"), optimiser__steps=1))
     assert "depth" not in found.joint.losses
 
 
