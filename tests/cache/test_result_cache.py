@@ -95,13 +95,10 @@ def test_another_run_reads_cached_results_bit_for_bit(cache, folder):
     "other",
     [
         {"who": replace(WHO, backend="other")},
-        {"who": replace(WHO, interface="relative_pointmap")},
-        {"who": replace(WHO, distribution="other")},
         {"who": replace(WHO, version="1.1")},
         {"who": replace(WHO, options={"weights": "large"})},
         {"device": "cuda"},
         {"inputs": (IMAGE[::-1], INPUTS[1])},
-        {"inputs": (IMAGE, Hints())},
         {"inputs": (IMAGE, Hints(intrinsics=Intrinsics.from_focal(9.0001, 8, 6)))},
     ],
     ids=str,

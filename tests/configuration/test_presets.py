@@ -7,35 +7,12 @@ from __future__ import annotations
 import pytest
 from huggingface_hub import constants
 
-SHARED = ("vitpose-h-wholebody", "wilor-mini", "https://github.com/warmshao/WiLoR-mini")
 LACKING = {
-    "paper": (
-        *(
-            "grounding-dino-base-hf",
-            "sam2.1-hiera-large-hf",
-            "omnieraser",
-            "depth-pro-hf",
-            "moge-1-vitl",
-            "camerahmr",
-        ),
-        *("deco", "https://github.com/PRIS-CV/Omnieraser", "https://github.com/microsoft/MoGe"),
-        *("https://github.com/pixelite1201/CameraHMR", "https://github.com/sha2nkt/deco"),
-        *("hf download black-forest-labs/FLUX.1-dev", "https://smpl.is.tue.mpg.de", *SHARED),
-    ),
-    "best": (
-        *("sam3-hf", "big-lama", "moge-2-vitl-normal", "sam-3d-body-dinov3"),
-        *(
-            "https://github.com/facebookresearch/sam-3d-body",
-            "https://github.com/facebookresearch/dinov3",
-            *SHARED,
-        ),
-    ),
-    "open-body": (
-        *("moge-3-vitl", "sam2-hiera-tiny", "rtmw3d-x", "big-lama"),
-        "https://github.com/microsoft/MoGe",
-    ),
+    "paper": ("omnieraser", "https://github.com/microsoft/MoGe", "https://smpl.is.tue.mpg.de"),
+    "best": ("sam-3d-body-dinov3", "https://github.com/facebookresearch/dinov3"),
+    "open-body": ("rtmw3d-x", "https://github.com/microsoft/MoGe"),
 }
-"""Preset -> weights, code and files that it lacks where nothing is here."""
+"""Preset -> some weights, code and files that it lacks where nothing is here."""
 WAYS = (
     "physic weights fetch",
     "register at",

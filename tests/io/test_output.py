@@ -54,11 +54,6 @@ def edit_document(out):
     path.write_bytes(path.read_bytes().replace(b'"offset": 1.4', b'"offset": 1.5'))
 
 
-def edit_row(out):
-    path = out / "reconstruction.json"
-    path.write_bytes(path.read_bytes().replace(b'"trust": null', b'"trust": 0.9', 1))
-
-
 def delete_document(out):
     (out / "reconstruction.json").unlink()
 
@@ -73,10 +68,6 @@ def add(out):
 
 def add_hidden(out):
     (out / ".notes").write_text("mine")
-
-
-def add_below(out):
-    (out / "a" / "notes.txt").write_text("mine")
 
 
 def add_folder(out):
@@ -102,12 +93,10 @@ CHANGES = {
     edit: "preview.png",
     edit_below: "a/b.txt",
     edit_document: "reconstruction.json",
-    edit_row: "reconstruction.json",
     delete_document: "combined.glb",
     replace_document: "combined.glb",
     add: "notes.txt",
     add_hidden: ".notes",
-    add_below: "a/notes.txt",
     add_folder: "mine",
     add_pipe: "pipe",
     link_file: "preview.png",

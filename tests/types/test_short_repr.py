@@ -2,14 +2,12 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import torch
 
 from physic_core import types
 from physic_core.types import DepthMap, Intrinsics, Plane
-from physic_core.types.records import Exported
 from physic_core.types.short_repr import ShortRepr
 
 
@@ -17,13 +15,6 @@ def test_the_repr_of_a_reconstruction_is_one_line_and_a_picture_in_notebooks(rec
     assert (
         repr(reconstruction)
         == "Reconstruction(2 people, 160 x 120, floor found, scale ±7 %, 2 warnings)"
-    )
-    unsure = replace(
-        make(people=1), scene=replace(reconstruction.scene, scale_sigma=None), warnings=()
-    )
-    assert (
-        repr(unsure)
-        == "Reconstruction(1 person, 160 x 120, floor found, scale of unknown error, no warnings)"
     )
     assert reconstruction._repr_html_().startswith('<img src="data:image/')
     empty = replace(make(people=0), scene=replace(reconstruction.scene, floor=None))
@@ -53,11 +44,3 @@ def test_every_dataclass_of_arrays_that_plugins_meet_is_short():
         if dataclasses.is_dataclass(kind):
             hints = " ".join(str(field.type) for field in dataclasses.fields(kind))
             assert "Array" not in hints or issubclass(kind, ShortRepr), name
-
-
-def test_an_export_of_many_files_is_printed_in_one_line():
-    files = tuple(Path(f"folder/part_{number}.stl") for number in range(380))
-    text = repr(Exported(files, ("a note",)))
-    assert len(text) < 100
-    assert "part_0.stl" in text
-    assert "376" in text

