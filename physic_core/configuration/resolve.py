@@ -27,7 +27,8 @@ from physic_core.discovery.backends import (
     require_interface,
 )
 from physic_core.discovery.entry_points import Offer
-from physic_core.discovery.plugin_code import named_plugin_code
+from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.plugin_code import named_plugin_code, plugin_code
 from physic_core.discovery.process_state import restored_process_state
 from physic_core.errors import (
     AmbiguousBackendError,
@@ -304,11 +305,15 @@ def _select(
             cause = cause or error
             continue
         try:
-            chosen[interface] = offer, kind, kind.Options.model_validate(choice.options)
+            with plugin_code():
+                chosen[interface] = offer, kind, kind.Options.model_validate(choice.options)
         except ValidationError as error:
             problems += problems_from_pydantic(
                 error, kind.Options, f"{interface}.options", "option"
             )
+        except Exception as error:  # of a validator
+            text = f"{offer} has options that cannot be read: {describe_error(error, kind)}"
+            raise BackendError(text) from error
     if problems:
         raise config_error(problems, source) from cause
     return chosen
@@ -319,10 +324,10 @@ def _construct(offer: Offer, kind: type[Backend], options: Options) -> ResolvedB
         restored_process_state() as changes,
         named_plugin_code(f"{offer} cannot be constructed", kind),
     ):
-        backend = kind(options)
+        resolved = _resolved(offer, kind(options))
     for change in changes:
         _LOG.warning("the constructor of %s %s", offer, change)
-    return _resolved(offer, backend)
+    return resolved
 
 
 def _resolved(offer: Offer, backend: Backend, *, cacheable: bool = True) -> ResolvedBackend:

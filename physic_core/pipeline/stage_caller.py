@@ -211,8 +211,12 @@ class StageCaller:
     ) -> CacheKey | None:
         if self.cache is None or not resolved.cacheable:
             return None
-        with wrap_plugin_errors(title, resolved, self.warn):
+        with (
+            self.optional_step(f"{resolved.title}: its key of the cache"),
+            wrap_plugin_errors(title, resolved, self.warn),
+        ):
             return self.cache.key(resolved.backend, resolved.provenance, self.device, inputs)
+        return None
 
     def _read_cache(
         self, key: CacheKey | None, find_faults: Callable[[object], list[str]]

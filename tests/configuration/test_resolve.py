@@ -119,13 +119,18 @@ def test_a_method_that_can_be_called_passes(own, infer):
 
 @pytest.mark.parametrize(
     ("fault", "said"),
-    [(ValueError("no seat free"), "ValueError: no seat free"), (SystemExit(3), "SystemExit: 3")],
+    [
+        (RuntimeError("no seat free"), "RuntimeError: no seat free"),
+        (SystemExit(3), "SystemExit: 3"),
+    ],
 )
-def test_a_constructor_that_fails_is_named(own, fault, said):
-    def fail(self, options):
+@pytest.mark.parametrize("method", ["__init__", "model_post_init", "model_dump"])
+def test_a_constructor_or_options_that_fail_are_named(own, method, fault, said):
+    def fail(self, *_, **__):
         raise fault
 
-    kind = type("Own", (backend("inpainter"),), {"__init__": fail})
-    own(inpainter=kind)
+    of_options, of_class = ({}, {method: fail}) if method == "__init__" else ({method: fail}, {})
+    options = type("Options", (interfaces.Options,), of_options)
+    own(inpainter=type("Own", (backend("inpainter", options),), of_class))
     with pytest.raises(BackendError, match=rf"inpainter 'own' \(physic-mine 0.2\) .*{said}"):
         resolve(config())

@@ -1,5 +1,5 @@
-"""A backend cannot change results of others by the working folder or torch's default dtype: both
-are restored, and the backend is named.
+"""A backend cannot change results of others by settings of the process: they are restored, and the
+backend is named.
 """
 
 from __future__ import annotations
@@ -20,13 +20,17 @@ from physic_core.types import DepthMap, Hints, Provenance
 SHAPE = (6, 8)
 
 
-def change_both():
+def change_all():
     torch.set_default_dtype(torch.float64)
+    torch.set_default_device("meta")
+    torch.set_grad_enabled(False)
+    np.seterr(all="raise")
     os.chdir("/")
 
 
 def state():
-    return torch.get_default_dtype(), Path.cwd()
+    of_torch = torch.get_default_dtype(), torch.get_default_device(), torch.is_grad_enabled()
+    return of_torch, np.geterr(), Path.cwd()
 
 
 class Naughty(MetricDepth):
@@ -74,8 +78,9 @@ def run(backend):
 @pytest.mark.parametrize("where", ["load", "infer", "close"])
 def test_what_a_backend_changes_is_restored_and_named(where, error):
     before = state()
-    warnings = [text for text in run(Naughty(where, change_both, error)).warnings if "->" in text]
+    warnings = [text for text in run(Naughty(where, change_all, error)).warnings if "->" in text]
     assert state() == before
     assert all(text.startswith("metric_depth 'naughty' (my-dist 1.0)") for text in warnings)
-    for what, text in zip(("current folder", "float32 -> torch.float64"), warnings, strict=True):
+    changes = ("folder", "float32 -> torch.float64", "cpu -> meta", "True -> False", "-> {'divide'")
+    for what, text in zip(changes, warnings, strict=True):
         assert what in text

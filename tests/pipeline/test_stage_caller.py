@@ -175,6 +175,13 @@ def test_a_changed_hint_costs_a_call_only_if_the_backend_reads_it(events, run):
     ]
 
 
+def test_a_fingerprint_that_fails_costs_the_cache_alone(run):
+    stages = run()
+    assert ask(stages, Counting(fails_in="fingerprint")).depth.all()
+    (warning,) = stages.warnings
+    assert warning.startswith("metric_depth 'a' (my-dist 1.0)")
+
+
 def test_failures_and_wrong_answers_are_not_kept(run):
     wrong = Counting()
     wrong.answer = DepthMap(np.ones((8, 6)))
