@@ -225,14 +225,14 @@ def _executor(out: Path, part: Shard | None, options: Mapping[str, Any]) -> Exec
 
     name = "logs" if part is None else f"logs/{part.number}-of-{part.count}"
     logs = path_to_write(out.absolute(), name)
-    given = {}
+    executor_options = {}
     for text in options["executor_set"]:
         key, equals, value = text.partition("=")
         if not equals or not key.strip():
             raise click.UsageError(f"--executor-set must be KEY=VALUE (got '{text}')")
-        given[key.strip()] = value.strip()
+        executor_options[key.strip()] = value.strip()
     settings = ExecutorSettings(
-        options["workers"], options["timeout"] or None, logs, options["address"], given
+        options["workers"], options["timeout"] or None, logs, options["address"], executor_options
     )
     return open_executor(options["executor"], settings)
 

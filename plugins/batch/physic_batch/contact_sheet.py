@@ -92,8 +92,8 @@ def write_contact_sheet(
             for row in filter(None, index.rows(ids[:_MAX_PHOTOS], with_people=False))
         ]
         hidden = len(ids[_MAX_PHOTOS:])
-        above = _common_folder([str(row.get("path", "")) for row in rows])
-        cards = [_photo_card(out, row, above) for row in rows]
+        common_folder = _common_folder([str(row.get("path", "")) for row in rows])
+        cards = [_photo_card(out, row, common_folder) for row in rows]
     else:
         cards = [_result_card(check_writable(out), result) for result in results[:_MAX_PHOTOS]]
         hidden = max(0, len(results) - _MAX_PHOTOS)
@@ -197,13 +197,13 @@ def _common_folder(paths: Sequence[str]) -> str:
         return ""
 
 
-def _photo_card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]:
+def _photo_card(out: Path, row: Mapping[str, Any], common_folder: str) -> dict[str, Any]:
     path = str(row.get("path", ""))
     done = row["state"] == "done"
     thumbnail = thumbnail_path(photo_folder(row["id"]))
-    title = path.removeprefix(above) if above else os.path.basename(path)
+    title = path.removeprefix(common_folder) if common_folder else os.path.basename(path)
     message = str(row.get("message", "")).replace(path, title)
-    for folder in filter(None, (above, f"{out}{os.sep}")):
+    for folder in filter(None, (common_folder, f"{out}{os.sep}")):
         message = message.replace(folder, "")
     folder = str(row.get("folder", ""))
     paths = paths_inside(out, (folder, thumbnail))

@@ -46,11 +46,15 @@ def _check_settings(item: PhotoItem, config: Config) -> None:
     """
     photo = config.photo
     chosen = len(photo.person) + len(photo.box)
-    most = chosen or config.segmenter.options.get("max_people")
+    max_people = chosen or config.segmenter.options.get("max_people")
     for name in ("stature", "age"):
-        given = len(getattr(photo, name) or ())
-        if given > 1 and most is not None and (given > most or (chosen and given != chosen)):
-            raise ConfigError(f"{given} {name}s were given for {most} people")
+        num_given = len(getattr(photo, name) or ())
+        if (
+            num_given > 1
+            and max_people is not None
+            and (num_given > max_people or (chosen and num_given != chosen))
+        ):
+            raise ConfigError(f"{num_given} {name}s were given for {max_people} people")
     check_input_files(config)
     maps = [interface for name, interface in _MAPS.items() if name in item.settings]
     if maps:

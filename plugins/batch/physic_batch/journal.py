@@ -404,8 +404,8 @@ def write_tables(out: Path, index: JournalIndex | None = None) -> list[Path]:
         ):
             writers = csv_writer(table, columns), csv_writer(people_table, _PEOPLE_COLUMNS)
             for row in filter(None, index.rows(index.ids())):
-                place = {"id": row["id"], "path": row.get("path", "")}
-                people = [{**place, **one} for one in row.pop(PEOPLE_COLUMN, None) or ()]
+                photo_columns = {"id": row["id"], "path": row.get("path", "")}
+                people = [{**photo_columns, **one} for one in row.pop(PEOPLE_COLUMN, None) or ()]
                 for write, rows_of_writer, rows in zip(writers, ([row], people), kept, strict=True):
                     for one in rows_of_writer:
                         write(one)

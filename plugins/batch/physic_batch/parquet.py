@@ -47,9 +47,9 @@ def write_parquet(
     arrays = {}
     for name in columns:
         values = [None if (value := row.get(name)) == "" else value for row in rows]
-        there = [value for value in values if value is not None]
-        kinds = {type(value) for value in there}
-        if name in texts or not kinds <= {int, float, bool} or any(map(_is_large, there)):
+        present_values = [value for value in values if value is not None]
+        kinds = {type(value) for value in present_values}
+        if name in texts or not kinds <= {int, float, bool} or any(map(_is_large, present_values)):
             arrays[name] = pa.array([_text(value) for value in values], pa.string())
         elif kinds in ({bool}, {int}):
             arrays[name] = pa.array(values)

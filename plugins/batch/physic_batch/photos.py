@@ -115,24 +115,24 @@ def list_photos(inputs: Iterable[str]) -> PhotoList:
             have one id, or there are no photos.
     """
     left_out = Counter[str]()
-    found: dict[str, PhotoItem] = {}
+    photos: dict[str, PhotoItem] = {}
     for item in (item for text in inputs for item in _items_of(text)):
         if isinstance(item, str):
             left_out[item] += 1
             continue
-        same = found.setdefault(item.id, item)
-        if same != item:
+        previous = photos.setdefault(item.id, item)
+        if previous != item:
             where = (
-                _show(same.path)
-                if same.path == item.path
-                else f"{_show(same.path)} and {_show(item.path)}"
+                _show(previous.path)
+                if previous.path == item.path
+                else f"{_show(previous.path)} and {_show(item.path)}"
             )
             raise InputError(
                 f"two photos have the id {quoted(item.id)}, {where}: give each an id of its own, "
                 f"or remove one"
             )
-    listed = PhotoList(list(found.values()), left_out)
-    if not found:
+    listed = PhotoList(list(photos.values()), left_out)
+    if not photos:
         raise InputError(
             f"no photos in {_show(', '.join(inputs))} (left out: {listed.left_out_in_words()}): "
             "name photos, folders or CSV tables; pictures of results are not photos"

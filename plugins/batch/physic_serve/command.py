@@ -81,10 +81,10 @@ def serve(
     _end_at_signals()
     address = f"[{host}]" if ":" in host else host
     listening = _listen(host, port)  # before the models are loaded, which takes long
-    own = tempfile.TemporaryDirectory(
+    temporary = tempfile.TemporaryDirectory(
         prefix="metricbody-batch-", dir=parent, ignore_cleanup_errors=True
     )
-    with _saying_end(), closing(listening), own as place:
+    with _saying_end(), closing(listening), temporary as place:
         tempfile.tempdir = place  # for parts of forms
         echo("loading the models", err=True)
         with closing(Jobs(Path(place), partial(Worker, config, formats))) as jobs:

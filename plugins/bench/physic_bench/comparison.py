@@ -254,10 +254,10 @@ def summary_lines(
     for i, name in enumerate("AB"):
         changes = [moved for person in people if (moved := person.from_given_m[i]) is not None]
         if changes:
-            place, pose = (1000 * value for value in np.median(changes, axis=0))
+            distance_mm, pose = (1000 * value for value in np.median(changes, axis=0))
             lines.append(
                 f"given bodies of {len(changes)} people in {name}: medians of the engine's change "
-                f"of place {place:.0f} mm, of pose {pose:.0f} mm"
+                f"of place {distance_mm:.0f} mm, of pose {pose:.0f} mm"
             )
     if ratios:
         lines.append(f"median of scenes: the depth of B is {median(ratios):.2f} times that of A")
@@ -314,26 +314,28 @@ def _masks(result: Reconstruction) -> BoolArray:
 def _pair(
     a: Reconstruction, b: Reconstruction, first: int | None, second: int | None
 ) -> PersonPair:
-    one = None if first is None else a.people[first]
-    other = None if second is None else b.people[second]
+    person = None if first is None else a.people[first]
+    other_person = None if second is None else b.people[second]
     joints = pose = None
-    if one is not None and other is not None:
-        joints = _difference(one.joints, other.joints)
-        pose = _difference(one.joints - one.joints[:1], other.joints - other.joints[:1])
+    if person is not None and other_person is not None:
+        joints = _difference(person.joints, other_person.joints)
+        pose = _difference(
+            person.joints - person.joints[:1], other_person.joints - other_person.joints[:1]
+        )
     return PersonPair(
         index=(first, second),
         marks=(
-            None if one is None else one.marks,
-            None if other is None else other.marks,
+            None if person is None else person.marks,
+            None if other_person is None else other_person.marks,
         ),
         distance_m=(
-            None if one is None else pelvis_distance_m(one),
-            None if other is None else pelvis_distance_m(other),
+            None if person is None else pelvis_distance_m(person),
+            None if other_person is None else pelvis_distance_m(other_person),
         ),
         joints=joints,
         pose=pose,
-        contacts=(_contacts(one), _contacts(other)),
-        from_given_m=(_from_given(one), _from_given(other)),
+        contacts=(_contacts(person), _contacts(other_person)),
+        from_given_m=(_from_given(person), _from_given(other_person)),
     )
 
 
@@ -378,12 +380,16 @@ def _changes(a: Reconstruction, b: Reconstruction) -> tuple[str, ...]:
     """Return what differs in the photos and configurations of two results, and in the versions of
     their plugins.
     """
-    one, other = (_settings(result) for result in (a, b))
-    names = [name for name in dict.fromkeys((*one, *other)) if one.get(name) != other.get(name)]
+    one, other_settings = (_settings(result) for result in (a, b))
+    names = [
+        name
+        for name in dict.fromkeys((*one, *other_settings))
+        if one.get(name) != other_settings.get(name)
+    ]
     # another backend has other options
     backends = tuple(f"{name}.options." for name in names if "." not in name)
     changed = {
-        name: (one.get(name, "default"), other.get(name, "default"))
+        name: (one.get(name, "default"), other_settings.get(name, "default"))
         for name in names
         if not name.startswith(backends)
     }
@@ -505,12 +511,16 @@ def _sections(photo: Comparison) -> Iterator[tuple[str, Sequence[tuple[Any, ...]
     depth = ("median depth of the scene", _metres(a), _metres(b), ratio)
     yield "Photo", [("usable", *photo.usable, ""), depth]
     for person in photo.people:
-        one, other = person.distance_m
-        further = "" if one is None or other is None else _distance_change(other - one)
+        distance_a, distance_b = person.distance_m
+        further = (
+            ""
+            if distance_a is None or distance_b is None
+            else _distance_change(distance_b - distance_a)
+        )
         differences = {"joints": person.joints, "pose": person.pose}
         rows = [
             ("usable", *_mark_texts(person.marks), _change_text(person.marks)),
-            ("distance", _metres(one), _metres(other), further),
+            ("distance", _metres(distance_a), _metres(distance_b), further),
             *(
                 (name, "", "", str(value))
                 for name, value in differences.items()

@@ -244,21 +244,27 @@ def _notes(name: str, records: Sequence[Record]) -> list[str]:
     notes = []
     if joints := sorted({r["joints"] for r in records if "joints" in r}):
         notes.append(f"{name}: joints compared: {', '.join(joints)}")
-    for way in sorted(
+    for transfer_text in sorted(
         {str(r[key]) for r in records for key in ("carried", "contact_carried") if key in r}
     ):
-        notes.append(f"{name}: approximation: {way} transferred between the T-poses")
+        notes.append(f"{name}: approximation: {transfer_text} transferred between the T-poses")
     notes += [
         f"{name}: not measured: {text}"
         for text in sorted({t for r in records for t in r["unmeasured"]})
     ]
-    lost = {r["frame"]: r["reason"] for r in records if not r["has_result"]}
-    if lost:
-        named = ", ".join(f"{frame} ({reason})" for frame, reason in [*lost.items()][:NAMED])
-        more = f", and {len(lost) - NAMED} more in results.json" if len(lost) > NAMED else ""
+    missing_results = {r["frame"]: r["reason"] for r in records if not r["has_result"]}
+    if missing_results:
+        named = ", ".join(
+            f"{frame} ({reason})" for frame, reason in [*missing_results.items()][:NAMED]
+        )
+        more_text = (
+            f", and {len(missing_results) - NAMED} more in results.json"
+            if len(missing_results) > NAMED
+            else ""
+        )
         notes.append(
-            f"{name}: {len(lost)} of {len({r['frame'] for r in records})} frames without a "
-            f"result: {named}{more}"
+            f"{name}: {len(missing_results)} of {len({r['frame'] for r in records})} frames "
+            f"without a result: {named}{more_text}"
         )
     missed = sum(not r["found"] for r in records)
     if missed:

@@ -160,17 +160,19 @@ def difference(
     the same draws.
     """
     ids = [{r["id"] for r in records if column.sums(r) is not None} for records in (first, second)]
-    kept = [[r for r in records if r["id"] in ids[0] & ids[1]] for records in (first, second)]
-    if not kept[0]:
+    common = [[r for r in records if r["id"] in ids[0] & ids[1]] for records in (first, second)]
+    if not common[0]:
         return ValueWithInterval(np.nan)
     groups = _groups([*first, *second])
-    (one, count, several), (two, _, _) = (_group_sums(records, column, groups) for records in kept)
+    (first_sums, count, several), (second_sums, _, _) = (
+        _group_sums(records, column, groups) for records in common
+    )
 
     def difference_of_sums(sums: Float64Array) -> Float64Array:
         half = sums.shape[-1] // 2
         return column.value(sums[..., half:]) - column.value(sums[..., :half])
 
-    both = np.concatenate([one, two], axis=1)
+    both = np.concatenate([first_sums, second_sums], axis=1)
     return _with_interval(
         both.sum(0),
         difference_of_sums(draw_counts(len(both)) @ both),

@@ -47,10 +47,10 @@ def read_physic(folder: Path, frame: Frame) -> Prediction | None:
     from physic_core.io.result_folder import is_result
 
     for name in _names(frame):
-        places = paths_inside(folder, (photo_folder(name), name, f"{name}-physic"))
-        for place in places.values():
-            if is_result(place):
-                result = load_reconstruction(place)
+        folders = paths_inside(folder, (photo_folder(name), name, f"{name}-physic"))
+        for result_folder in folders.values():
+            if is_result(result_folder):
+                result = load_reconstruction(result_folder)
                 floor = result.scene.floor
                 return Prediction(
                     tuple(_person(p, result) for p in result.people if np.isfinite(p.joints).all()),

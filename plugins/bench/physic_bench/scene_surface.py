@@ -82,9 +82,9 @@ class SceneIndex:
         corners = np.asarray(vertices, np.float64)[faces]
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area = np.linalg.norm(across, axis=-1, keepdims=True)
-        kept = area[:, 0] > 0
-        corners = corners[kept]
-        normals = across[kept] / area[kept]
+        has_area = area[:, 0] > 0
+        corners = corners[has_area]
+        normals = across[has_area] / area[has_area]
         centres = corners.mean(1)
         radius = float(np.linalg.norm(corners - centres[:, None], axis=-1).max())
         return cls(corners, normals, radius, KDTree(centres))
@@ -120,9 +120,9 @@ class SceneIndex:
         from trimesh.triangles import closest_point
 
         corners = self.corners[triangle]
-        way = points[point] - closest_point(corners, points[point])
-        distance = np.linalg.norm(way, axis=-1)
-        height = (way * self.normals[triangle]).sum(-1)
+        offset = points[point] - closest_point(corners, points[point])
+        distance = np.linalg.norm(offset, axis=-1)
+        height = (offset * self.normals[triangle]).sum(-1)
         least = np.full(len(points), np.inf)
         np.minimum.at(least, point, distance)
         # At an edge, the triangle that the point lies most in front of or behind decides which side

@@ -54,11 +54,17 @@ def write_results(
     check_results(check_writable(folder))
     first, *others = records
     figures = {name: {c.key: figure(rows, c) for c in columns} for name, rows in records.items()}
-    kept = [c for c in columns if any(by_column[c.key].count for by_column in figures.values())]
+    known_columns = [
+        c for c in columns if any(by_column[c.key].count for by_column in figures.values())
+    ]
     differences = {
-        name: {c.key: difference(records[first], records[name], c) for c in kept} for name in others
+        name: {c.key: difference(records[first], records[name], c) for c in known_columns}
+        for name in others
     }
-    parts = [_rows(figures, kept, signed=False), _rows(differences, kept, signed=True)]
+    parts = [
+        _rows(figures, known_columns, signed=False),
+        _rows(differences, known_columns, signed=True),
+    ]
     lines = [*notes, MARK]
     bullets = [f"- {' '.join(line.splitlines())}" for line in lines]
     results = {
@@ -67,7 +73,8 @@ def write_results(
         "notes": list(notes),
         **document,
         "columns": [
-            {key: getattr(c, key) for key in ("key", "label", "definition", "better")} for c in kept
+            {key: getattr(c, key) for key in ("key", "label", "definition", "better")}
+            for c in known_columns
         ],
         "figures": _figures_as_json(figures),
         "differences": _figures_as_json(differences),

@@ -130,10 +130,10 @@ def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[Float64Array, Me
     if bodies.body_model == "embedded" and joints is None and mesh is None:
         from physic_core.body import load_body, rest_mesh_of_model
 
-        own = load_body()
+        embedded = load_body()
         with torch.no_grad():
-            out = own(*pose_from_parameters(bodies.parameters)[:3])
-        rest = rest_mesh_of_model(own)
+            out = embedded(*pose_from_parameters(bodies.parameters)[:3])
+        rest = rest_mesh_of_model(embedded)
         joints = out.joints.numpy()
         mesh = Mesh(rest.topology, out.vertices.numpy(), rest.faces, rest.vertices)
     if joints is None:

@@ -146,13 +146,13 @@ def _register(
         turns = (patches.weights @ fit.world[0].reshape(-1, 9)).reshape(-1, 3, 3)
         facing = (turns @ normals[..., None])[..., 0]
         on = surface.nearest(patches.posed(fit)[0], facing)
-        there = (on.shares[..., None] * surface.corners[on.face]).sum(1)
+        targets = (on.shares[..., None] * surface.corners[on.face]).sum(1)
         weights = ((on.facing > _MIN_FACING) * np.exp(-0.5 * (on.distance / reach) ** 2))[None]
         # At large distances, limbs move before single bones. In later rounds, vertices may slide
         # along the surface.
         glide = surface.normals[on.face][None] if step >= _ROUNDS // 3 else None
         fit = fit_surface(
-            patches, SurfaceTargets(there[None], weights, glide), 1, fit, stay_m2=reach**2
+            patches, SurfaceTargets(targets[None], weights, glide), 1, fit, stay_m2=reach**2
         )
     return fit
 
@@ -180,14 +180,14 @@ def find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     )
     laid = SampledBodyModel.of(model, np.arange(model.num_vertices)).posed(fit)[0]
     on = surface.nearest(laid, vertex_normals(laid, faces))
-    sure = (on.distance < _MAX_DISTANCE_M) & (on.facing > _MIN_FACING) & outer
-    if sure[outer].mean() < 0.5:
+    is_sure = (on.distance < _MAX_DISTANCE_M) & (on.facing > _MIN_FACING) & outer
+    if is_sure[outer].mean() < 0.5:
         raise BodyModelError(
             f"the body '{model.name}' cannot be fitted to the mesh '{rest.topology}': only "
-            f"{sure.mean():.0%} of its vertices have a counterpart; give the mesh in a T-pose (y "
-            "up, facing +z, its left on +x), in meters"
+            f"{is_sure.mean():.0%} of its vertices have a counterpart; give the mesh in a T-pose "
+            "(y up, facing +z, its left on +x), in meters"
         )
-    return Correspondence(surface.faces[on.face], on.shares, sure)
+    return Correspondence(surface.faces[on.face], on.shares, is_sure)
 
 
 _TIP_SIGMA_M = 0.03

@@ -159,11 +159,11 @@ def _set_head(world: Float64Array, both: Float64Array, known: BoolArray) -> None
     neck = JOINT_INDEX["neck"]
     head = JOINT_INDEX["head"]
     chest = world[:, _SPINE3]
-    way = rotation_between(
+    neck_rotation = rotation_between(
         rotate(chest, rest[:, head] - rest[:, neck]), joints[:, head] - joints[:, neck]
     )
     is_known = (known[:, neck] & known[:, head])[:, None, None]
-    world[:, neck] = np.where(is_known, way @ chest, chest)
+    world[:, neck] = np.where(is_known, neck_rotation @ chest, chest)
     looks = np.logical_and.reduce(known[:, [head, *_EYES]], axis=-1)[:, None, None]
     face = _align(_left_minus_right(both, _EYES), both[:, :, _EYES].mean(2) - both[:, :, head])
     world[:, head] = np.where(looks, face, world[:, neck])
@@ -179,17 +179,21 @@ def _set_head(world: Float64Array, both: Float64Array, known: BoolArray) -> None
 def _set_limbs(world: Float64Array, both: Float64Array, known: BoolArray) -> None:
     """Set the rotations of arms, legs and feet, from those of pelvis and collars."""
     joints, rest = both
-    above = world[:, [_PELVIS, _PELVIS, *_COLLARS]]
+    parent_rotations = world[:, [_PELVIS, _PELVIS, *_COLLARS]]
     first, second = (rest[:, b] - rest[:, a] for a, b in ((_UPPER, _LOWER), (_LOWER, _END)))
     upper_known = known[:, _UPPER] & known[:, _LOWER]
     lower_known = known[:, _LOWER] & known[:, _END]
     upper = np.where(
-        upper_known[..., None], joints[:, _LOWER] - joints[:, _UPPER], rotate(above, first)
+        upper_known[..., None],
+        joints[:, _LOWER] - joints[:, _UPPER],
+        rotate(parent_rotations, first),
     )
-    default = rotation_between(rotate(above, first), upper)
-    trunk = rotate(default @ above, _HINGES)
+    default = rotation_between(rotate(parent_rotations, first), upper)
+    trunk = rotate(default @ parent_rotations, _HINGES)
     lower = np.where(
-        lower_known[..., None], joints[:, _END] - joints[:, _LOWER], rotate(default @ above, second)
+        lower_known[..., None],
+        joints[:, _END] - joints[:, _LOWER],
+        rotate(default @ parent_rotations, second),
     )
     feet = joints[:, _FEET] - joints[:, _ANKLES]
     feet_known = (known[:, _FEET] & known[:, _ANKLES])[..., None]
@@ -197,13 +201,13 @@ def _set_limbs(world: Float64Array, both: Float64Array, known: BoolArray) -> Non
     # Feet point forward: across them is the axis of the knee.
     hint[:, :2] += _BY_FOOT * np.where(feet_known, unit(cross(feet, lower[:, :2])), 0.0)
     axis = _hinge_axes(upper, lower, hint)
-    for bones, at_rest, seen, rows in (
+    for bones, at_rest, is_known, rows in (
         (upper, first, upper_known, _UPPER),
         (lower, second, lower_known, _LOWER),
     ):
         turn = _turns_of_bones(bones, at_rest, axis)
         parent = world[:, [PARENTS[row] for row in rows]]
-        world[:, rows] = np.where(seen[..., None, None], turn, parent)
+        world[:, rows] = np.where(is_known[..., None, None], turn, parent)
     _set_feet(world, rest[:, _FEET] - rest[:, _ANKLES], feet, feet_known)
 
 
@@ -254,18 +258,23 @@ def _set_hands(world: Float64Array, both: Float64Array, known: BoolArray) -> Non
     _, angle = swing_twist(np.swapaxes(arms, -1, -2) @ hand, forearm)
     world[:, _ELBOWS] = arms @ rotvec_to_rotmat_numpy(0.5 * angle[..., None] * unit(forearm))
     world[:, _WRISTS] = hand
-    above = np.repeat(hand[:, :, None], 5, axis=2)
+    parent_rotations = np.repeat(hand[:, :, None], 5, axis=2)
     for joint in range(3):
         if joint < 2:
-            here = _FINGERS[..., joint]
-            there = _FINGERS[..., joint + 1]
-            way = rotate(above, rest[:, there] - rest[:, here])
-            both_known = (known[:, here] & known[:, there])[..., None]
-            above = (
-                rotation_between(way, np.where(both_known, joints[:, there] - joints[:, here], way))
-                @ above
+            bone_starts = _FINGERS[..., joint]
+            bone_ends = _FINGERS[..., joint + 1]
+            bone_direction = rotate(parent_rotations, rest[:, bone_ends] - rest[:, bone_starts])
+            both_known = (known[:, bone_starts] & known[:, bone_ends])[..., None]
+            parent_rotations = (
+                rotation_between(
+                    bone_direction,
+                    np.where(
+                        both_known, joints[:, bone_ends] - joints[:, bone_starts], bone_direction
+                    ),
+                )
+                @ parent_rotations
             )
-        world[:, _FINGERS[..., joint]] = above
+        world[:, _FINGERS[..., joint]] = parent_rotations
 
 
 def _align(*sticks: Float64Array) -> Float64Array:

@@ -126,8 +126,8 @@ class SampledBodyModel:
             batch, points, 3, 3
         )
         none = np.zeros((batch, shapes))
-        places = self.bones.pose(world, none, np.zeros((batch, 3)))
-        shifts = places - (turns @ self.joints[..., None])[..., 0]
+        joint_positions = self.bones.pose(world, none, np.zeros((batch, 3)))
+        shifts = joint_positions - (turns @ self.joints[..., None])[..., 0]
         template = self.template
         if self.correctives is not None:
             bent = (
@@ -135,8 +135,8 @@ class SampledBodyModel:
                 .reshape(batch, -1)
                 .astype(np.float32)
             )
-            moved = matmul(bent, self.correctives.reshape(len(self.correctives), -1))
-            template = template + moved.reshape(batch, points, 3)
+            pose_offsets = matmul(bent, self.correctives.reshape(len(self.correctives), -1))
+            template = template + pose_offsets.reshape(batch, points, 3)
         start = (by_vertex @ template[..., None])[..., 0] + matmul(self.weights, shifts)
         joint_slopes = self.bones.shape_jacobian(world) - turns @ self.joint_directions.transpose(
             1, 2, 0
@@ -276,11 +276,11 @@ def _step_equations(
     points = targets.points
     root = np.sqrt(targets.weights)[..., None] / sigma_m
     at_rest, slopes = patches.linear(fit.world)
-    moved = (slopes @ fit.betas[:, None, :, None])[..., 0]
-    gap = root * (points - at_rest - moved - fit.transl[:, None])
+    shape_offsets = (slopes @ fit.betas[:, None, :, None])[..., 0]
+    gap = root * (points - at_rest - shape_offsets - fit.transl[:, None])
     levers = root[..., None] * patches.lever_arms(fit.world, fit.betas)
-    places = np.broadcast_to(np.eye(3), (*points.shape, 3))
-    linear = root[..., None] * np.concatenate([slopes, places], -1)
+    translation_slopes = np.broadcast_to(np.eye(3), (*points.shape, 3))
+    linear = root[..., None] * np.concatenate([slopes, translation_slopes], -1)
     # A turn moves a vertex by w x lever, along an axis e by w . (lever x e).
     turns = cross(levers[:, :, None], np.eye(3)[:, None]).reshape(*points.shape, -1)
     design = np.concatenate([turns, linear], -1)

@@ -88,10 +88,10 @@ class StaticContact(ContactPrior):
         probability = np.zeros((count, self._model.num_vertices), np.float32)
         for name, (option, joints) in _PARTS.items():
             rows = [JOINT_INDEX[joint] for joint in joints]
-            seen = observed[:, rows].any(1, keepdims=True)
+            is_visible = observed[:, rows].any(1, keepdims=True)
             ids = self._model.contact_sets[name].cpu().numpy()
-            given = np.float32(getattr(self.options, option)) * seen
-            probability[:, ids] = np.maximum(probability[:, ids], given)
+            part_probability = np.float32(getattr(self.options, option)) * is_visible
+            probability[:, ids] = np.maximum(probability[:, ids], part_probability)
         rest = None
         if bodies.body_model != self._model.name:
             from physic_core.body import rest_mesh_of_model

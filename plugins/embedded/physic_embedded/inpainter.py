@@ -65,10 +65,10 @@ class MiGan(PackagedBackend, Inpainter):
 
         filled = image.copy()
         part = _crop(hole)
-        shown = image[part].astype(np.float32)
+        visible = image[part].astype(np.float32)
         known = np.where(hole[part], 0, 255).astype(np.uint8)
         size = (_NETWORK_SIZE, _NETWORK_SIZE)
-        small = np.rint(cv2.resize(shown, size, interpolation=cv2.INTER_LINEAR))
+        small = np.rint(cv2.resize(visible, size, interpolation=cv2.INTER_LINEAR))
         small_known = cv2.resize(known, size, interpolation=cv2.INTER_NEAREST).astype(np.float32)
         inputs = {
             "image": np.ascontiguousarray(small.transpose(2, 0, 1)[None]),
@@ -81,7 +81,7 @@ class MiGan(PackagedBackend, Inpainter):
         share = cv2.sepFilter2D(soft, -1, _EDGE, _EDGE, borderType=cv2.BORDER_REFLECT_101)[
             ..., None
         ]
-        large += (shown - large) * share
+        large += (visible - large) * share
         filled[part] = np.clip(large, 0, 255)
         return filled
 

@@ -65,24 +65,26 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
         """Return 33 joints of each of N people; confidence is 0 for a person without a detected
         pose.
         """
-        seen = people.keypoints
+        segmenter_keypoints = people.keypoints
         if (
-            seen is not None
-            and seen.skeleton == BLAZEPOSE_SKELETON
-            and len(seen.points) == len(people)
+            segmenter_keypoints is not None
+            and segmenter_keypoints.skeleton == BLAZEPOSE_SKELETON
+            and len(segmenter_keypoints.points) == len(people)
         ):
-            return seen
+            return segmenter_keypoints
         if not self.network:
             self._network = super().build(self.device)
         picture = ImagePyramid.from_image(image)
-        looks = [
+        poses_and_fits = [
             self._best_pose(picture, mask, box)
             for mask, box in zip(people.masks, people.boxes, strict=True)
         ]
-        found = keypoints_from_poses([pose for pose, _ in looks], *image.shape[:2])
-        lost = np.array([fit < LEAST_FIT for _, fit in looks], bool)
-        found = replace(found, confidence=np.where(lost[:, None], np.float32(0), found.confidence))
-        return lower_confidence_of_hidden_hips(found, people.masks)
+        detected = keypoints_from_poses([pose for pose, _ in poses_and_fits], *image.shape[:2])
+        is_lost = np.array([fit < LEAST_FIT for _, fit in poses_and_fits], bool)
+        detected = replace(
+            detected, confidence=np.where(is_lost[:, None], np.float32(0), detected.confidence)
+        )
+        return lower_confidence_of_hidden_hips(detected, people.masks)
 
     def _best_pose(
         self, picture: ImagePyramid, mask: BoolArray, box: FloatArray

@@ -49,7 +49,7 @@ def joint_positions(keypoints: Keypoints) -> tuple[dict[str, FloatArray], dict[s
     names = keypoints.joint_set.names
     world = keypoints.world
     shape = keypoints.points.shape[:2]
-    found = []
+    positions = []
     for points in (keypoints.points, np.full((*shape, 3), np.nan) if world is None else world):
         points = np.asarray(points, np.float64)
 
@@ -59,17 +59,21 @@ def joint_positions(keypoints: Keypoints) -> tuple[dict[str, FloatArray], dict[s
                 return np.full((len(points), points.shape[2]), np.nan)
             return np.asarray(points[:, known].mean(1))
 
-        at = {f"{side}_{joint}": middle(f"{side}_{joint}") for side in SIDES for joint in _JOINTS}
+        by_name = {
+            f"{side}_{joint}": middle(f"{side}_{joint}") for side in SIDES for joint in _JOINTS
+        }
         for side in SIDES:
-            at[f"{side}_hand"] = middle(*(f"{side}_{one}" for one in ("wrist", "pinky1", "index1")))
-            hand, elbow = at[f"{side}_hand"], at[f"{side}_elbow"]
-            at[f"{side}_fingers"] = hand + _FINGERS * (hand - elbow)
-        at["nose"] = middle("nose")
-        at["neck"] = middle("left_shoulder", "right_shoulder")
-        at["hips"] = middle("left_hip", "right_hip")
-        at["belly"] = (at["neck"] + 2 * at["hips"]) / 3
-        found.append(at)
-    return found[0], found[1]
+            by_name[f"{side}_hand"] = middle(
+                *(f"{side}_{one}" for one in ("wrist", "pinky1", "index1"))
+            )
+            hand, elbow = by_name[f"{side}_hand"], by_name[f"{side}_elbow"]
+            by_name[f"{side}_fingers"] = hand + _FINGERS * (hand - elbow)
+        by_name["nose"] = middle("nose")
+        by_name["neck"] = middle("left_shoulder", "right_shoulder")
+        by_name["hips"] = middle("left_hip", "right_hip")
+        by_name["belly"] = (by_name["neck"] + 2 * by_name["hips"]) / 3
+        positions.append(by_name)
+    return positions[0], positions[1]
 
 
 def trunk_px(at: dict[str, FloatArray], boxes: FloatArray) -> FloatArray:
@@ -90,31 +94,35 @@ def limb_geometry(part: str, boxes: FloatArray, keypoints: Keypoints) -> FloatAr
         boxes: (N, 4) x0 y0 x1 y1 px of N people.
         keypoints: of the same people.
     """
-    at, at_m = joint_positions(keypoints)
-    trunk = trunk_px(at, boxes)
+    positions_px, positions_m = joint_positions(keypoints)
+    trunk = trunk_px(positions_px, boxes)
     sides = []
     for side, opposite in (SIDES, SIDES[::-1]):
-        own, own_m = at[f"{side}_{part}"], at_m[f"{side}_{part}"]
+        limb_px, limb_m = positions_px[f"{side}_{part}"], positions_m[f"{side}_{part}"]
         numbers = []
         for target in _OWN:
             name = _sided_name(target, side, opposite)
             if name == f"{side}_{part}":
                 continue
-            numbers.append(_nearness(np.linalg.norm(own - at[name], axis=1) / trunk, _REACH))
-            numbers.append(_nearness(np.linalg.norm(own_m - at_m[name], axis=1), _REACH_M))
+            numbers.append(
+                _nearness(np.linalg.norm(limb_px - positions_px[name], axis=1) / trunk, _REACH)
+            )
+            numbers.append(_nearness(np.linalg.norm(limb_m - positions_m[name], axis=1), _REACH_M))
         joints = ("shoulder", "hip", "knee", "ankle")
-        heights = [(own[:, 1] - at[f"{side}_{joint}"][:, 1]) / trunk for joint in joints]
+        heights = [
+            (limb_px[:, 1] - positions_px[f"{side}_{joint}"][:, 1]) / trunk for joint in joints
+        ]
         numbers += [np.tanh(np.nan_to_num(height)) for height in heights]
-        numbers += [_bend_cosine(at_m, side, *limb) for limb in (_ARM, _LEG)]
-        numbers += nearness_to_others(own, at, trunk, boxes)
+        numbers += [_bend_cosine(positions_m, side, *limb) for limb in (_ARM, _LEG)]
+        numbers += nearness_to_others(limb_px, positions_px, trunk, boxes)
         if part == "hand":
-            fingers = at[f"{side}_fingers"]
+            fingers = positions_px[f"{side}_fingers"]
             for bone in _NEAR_FINGERS:
-                start, end = (at[_sided_name(joint, side, opposite)] for joint in bone)
+                start, end = (positions_px[_sided_name(joint, side, opposite)] for joint in bone)
                 numbers.append(
                     _nearness(_distance_to_bone(fingers, start, end) / trunk, _REACH_OF_FINGERS)
                 )
-            numbers += nearness_to_others(fingers, at, trunk, boxes)
+            numbers += nearness_to_others(fingers, positions_px, trunk, boxes)
         sides.append(np.stack(numbers, 1))
     return np.stack(sides, 1)
 

@@ -177,22 +177,22 @@ class EmbeddedPersonObserver(PackagedBackend, PersonObserver):
         self, image: UInt8Array, keypoints: Keypoints, intrinsics: Intrinsics
     ) -> Float32Array:
         """Return the unit vectors (N, 3) in which the faces look, camera frame; NaN without."""
-        found = np.full((len(keypoints.points), 3), np.nan, np.float32)
+        directions = np.full((len(keypoints.points), 3), np.nan, np.float32)
         row = {name: j for j, name in enumerate(keypoints.joint_set.names)}
-        if not len(found) or not row.keys() >= set(KEYPOINTS):
-            return found
+        if not len(directions) or not row.keys() >= set(KEYPOINTS):
+            return directions
         session = self._open(_FACE)
         picture = ImagePyramid.from_image(image)
         inverse = np.linalg.inv(intrinsics.matrix)
         for i, points in enumerate(keypoints.points):
-            at = {name: points[row[name]] for name in KEYPOINTS}
-            if not np.isfinite(list(at.values())).all():
+            keypoint_px = {name: points[row[name]] for name in KEYPOINTS}
+            if not np.isfinite(list(keypoint_px.values())).all():
                 continue
-            look = predict_face_direction(session, picture, face_square(at))
+            look = predict_face_direction(session, picture, face_square(keypoint_px))
             if look is not None:
                 middle, forward = look
-                found[i] = rotation_to_ray(inverse @ [*middle, 1.0]) @ forward
-        return found
+                directions[i] = rotation_to_ray(inverse @ [*middle, 1.0]) @ forward
+        return directions
 
     def _open(self, graph: str) -> OnnxSession:
         """Return the open network of a graph."""
@@ -274,30 +274,40 @@ def features_of_questions(
         does not have the first region.
     """
     names = {
-        limb: [[f"{side}_{one}" for one in own] for side in SIDES] for limb, own in LIMBS.items()
+        limb: [[f"{side}_{one}" for one in first_tokens] for side in SIDES]
+        for limb, first_tokens in LIMBS.items()
     }
-    sides_of = names | {region: [own] for region, own in _OTHERS.items()}
-    at, _ = joint_positions(keypoints)
-    fingers = [tokens.mean_around(np.nan_to_num(at[f"{side}_fingers"])) for side in SIDES]
+    sides_of = names | {region: [first_tokens] for region, first_tokens in _OTHERS.items()}
+    positions, _ = joint_positions(keypoints)
+    fingers = [tokens.mean_around(np.nan_to_num(positions[f"{side}_fingers"])) for side in SIDES]
     everyone = np.ones((len(boxes), 1), bool)
-    found = {
+    regions = {
         "box": (tokens.mean_in_boxes(boxes)[:, None], everyone),
         "upper_body": (tokens.mean_in_boxes(boxes @ _UPPER_BODY)[:, None], everyone),
         "fingers": (np.stack(fingers, 1), everyone),
     }
     for region, sides in sides_of.items():
         means, inside = zip(
-            *(_mean_token_around(tokens, keypoints, own) for own in sides), strict=True
+            *(_mean_token_around(tokens, keypoints, first_tokens) for first_tokens in sides),
+            strict=True,
         )
-        found[region] = np.stack(means, 1), np.stack(inside, 1)
+        regions[region] = np.stack(means, 1), np.stack(inside, 1)
     answered = {}
-    for question, (first, *more) in REGIONS.items():
-        own, shown = found[first]
-        context = [np.broadcast_to(found[region][0], own.shape) for region in more]
+    for question, (first, *further_regions) in REGIONS.items():
+        first_tokens, is_shown = regions[first]
+        context = [
+            np.broadcast_to(regions[region][0], first_tokens.shape) for region in further_regions
+        ]
         if (limb := GEOMETRY.get(question)) is not None:
-            given = boxes.astype(np.float64), keypoints
-            context.append(limb_geometry(limb, *given) if limb else posture_geometry(*given))
-        answered[question] = np.where(shown[..., None], np.concatenate([own, *context], -1), np.nan)
+            people_geometry = boxes.astype(np.float64), keypoints
+            context.append(
+                limb_geometry(limb, *people_geometry)
+                if limb
+                else posture_geometry(*people_geometry)
+            )
+        answered[question] = np.where(
+            is_shown[..., None], np.concatenate([first_tokens, *context], -1), np.nan
+        )
     return answered
 
 

@@ -161,11 +161,11 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         else:
             raw, tokens = self._disparity_of_scene(image, hints)
         camera, segments, notes = self._camera(image, hints)
-        found = _match_to_scene(raw, hints)
+        scene_match = _match_to_scene(raw, hints)
         up = None
         disparity_sigma: float | None = None
         warnings: list[str] = []
-        if found is None:
+        if scene_match is None:
             if hints.scene is not None:
                 notes.append(
                     "depth with people could not be matched to depth without them, so gaps between "
@@ -185,14 +185,14 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
                 "smaller for people and things near them"
             )
         else:
-            infinity, scale = found
-        gap, lost = _disparity_above_infinity(raw, infinity)
-        unit = float(np.median(gap[~lost])) if found is None else 1 / scale
+            infinity, scale = scene_match
+        gap, is_unreliable = _disparity_above_infinity(raw, infinity)
+        unit = float(np.median(gap[~is_unreliable])) if scene_match is None else 1 / scale
         depth = 1 / resize_map((gap / unit).astype(np.float32), height, width)
         shift_sigma = None if disparity_sigma is None else disparity_sigma / unit
         return Pointmap(
             _unproject(depth, camera),
-            resize_map(lost.astype(np.float32), height, width) < 0.5,
+            resize_map(is_unreliable.astype(np.float32), height, width) < 0.5,
             "inverse_scale_shift",
             camera,
             tuple(notes),
@@ -269,13 +269,13 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         focal = default * max(width, height)
         sigma = DEFAULT_FOCAL_SIGMA
         source = f"default ({default:g} x the long side)"
-        found = focal_of_segments(segments, width, height, focal, sigma)
-        if found is not None:
-            focal, sigma = found
+        estimated_focal = focal_of_segments(segments, width, height, focal, sigma)
+        if estimated_focal is not None:
+            focal, sigma = estimated_focal
             source += " and vanishing points"
         trust = CameraTrust.ESTIMATED if sigma <= _SURE_FOCAL_SIGMA else CameraTrust.GUESSED
         camera = Intrinsics.from_focal(focal, width, height, source, trust)
-        how = "a default" if found is None else "estimated from straight edges"
+        how = "a default" if estimated_focal is None else "estimated from straight edges"
         note = (
             f"the focal length is {how}, so all distances may be off by {sigma:.0%} (one standard "
             f"deviation). Run the original file, whose EXIF data may state it, or give --focal-px "
@@ -332,7 +332,7 @@ def _disparity_at_infinity(
     ground = labelled("floor", "ground", "rug")
     walls = labelled("wall", "cabinet")
     hole = None if hints.hole is None else _shrink_mask(hints.hole, rows, columns)
-    seen = np.ones(raw.shape, bool) if hole is None else ~hole
+    is_visible = np.ones(raw.shape, bool) if hole is None else ~hole
     return disparity_at_infinity(
         raw,
         fit_disparity_floor(raw, hole, ground),
@@ -342,7 +342,7 @@ def _disparity_at_infinity(
         walls=NO_PLANES if walls is None else local_disparity_planes(raw, walls, focal),
         bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
         frame=frame,
-        surfaces=NO_PLANES if frame is None else local_disparity_planes(raw, seen, focal),
+        surfaces=NO_PLANES if frame is None else local_disparity_planes(raw, is_visible, focal),
         open_air=_outdoor_sign(hints),
         horizon=_horizon(labelled("sky"), labelled("water", "ground")),
     )

@@ -78,19 +78,19 @@ def recover_camera(
         BackendError: too few points, or no positive focal length fits them.
     """
     xyz, uv = _sampled(points, np.asarray(mask, bool))
-    given = None if focal_px is None else np.broadcast_to(np.asarray(focal_px, np.float64), 2)
+    known_focal = None if focal_px is None else np.broadcast_to(np.asarray(focal_px, np.float64), 2)
     half = half_diagonal(*points.shape[:2])
-    if given is not None:
-        if not (np.isfinite(given).all() and given.min() > 0):
+    if known_focal is not None:
+        if not (np.isfinite(known_focal).all() and known_focal.min() > 0):
             raise BackendError(f"a focal length must be a number of px above 0, got {focal_px}")
-        uv = uv * (half / given)  # so that the focal length is 1
+        uv = uv * (half / known_focal)  # so that the focal length is 1
     problem = _Problem(xyz[:, :2], xyz[:, 2], uv)
     lowest, size = problem.lowest_shift()
     # how far the nearest point is in front of the camera
     nearest = np.geomspace(1e-4, 1e4, 97) * size
-    if given is not None:
+    if known_focal is not None:
         shift = _minimise(problem.error_at_1, problem.slope_at_1, lowest, nearest)
-        return AffineCamera(float(given[0]), float(given[1]), shift)
+        return AffineCamera(float(known_focal[0]), float(known_focal[1]), shift)
     shift = _minimise(problem.error, problem.slope, lowest, nearest)
     determined = problem.focal(shift) > 0 and problem.uncertainty(shift) < _MAX_UNCERTAINTY
     if not determined:
@@ -257,15 +257,15 @@ def _sampled(points: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArra
     rows = np.arange(min(height, _GRID)) * height // min(height, _GRID)
     columns = np.arange(min(width, _GRID)) * width // min(width, _GRID)
     v, u = (index.reshape(-1) for index in np.meshgrid(rows, columns, indexing="ij"))
-    seen = mask[v, u] & np.isfinite(points[v, u]).all(-1)
-    if seen.sum() < _MIN_SAMPLES:
+    is_valid = mask[v, u] & np.isfinite(points[v, u]).all(-1)
+    if is_valid.sum() < _MIN_SAMPLES:
         v, u = np.nonzero(mask & np.isfinite(points).all(-1))
         some = np.linspace(0, len(v) - 1, min(len(v), _GRID**2)).astype(int)
         v = v[some]
         u = u[some]
     else:
-        v = v[seen]
-        u = u[seen]
+        v = v[is_valid]
+        u = u[is_valid]
     if len(v) < 3:
         raise BackendError(
             f"the point map has {len(v)} valid points of {width} x {height}, too few for a camera: "

@@ -44,16 +44,16 @@ def to_rotvecs(rotations: FloatArray, joints: int) -> FloatArray:
     """
     from scipy.spatial.transform import Rotation
 
-    given = np.asarray(rotations, np.float64)
-    rows = len(given)
-    if given.shape in {(rows, joints, 3), (rows, 3 * joints)}:
-        return given.reshape(rows, joints, 3).copy()
-    if given.shape != (rows, joints, 3, 3):
+    rotations_array = np.asarray(rotations, np.float64)
+    rows = len(rotations_array)
+    if rotations_array.shape in {(rows, joints, 3), (rows, 3 * joints)}:
+        return rotations_array.reshape(rows, joints, 3).copy()
+    if rotations_array.shape != (rows, joints, 3, 3):
         raise ValueError(
             f"rotations of {joints} joints must be (N, {joints}, 3), (N, {3 * joints}) or (N, "
-            f"{joints}, 3, 3), got {given.shape}"
+            f"{joints}, 3, 3), got {rotations_array.shape}"
         )
-    flat = given.reshape(-1, 3, 3)
+    flat = rotations_array.reshape(-1, 3, 3)
     out = np.full((len(flat), 3), np.nan)
     valid: BoolArray = np.asarray(np.isfinite(flat).all(axis=(1, 2)))
     valid[valid] = np.linalg.det(flat[valid]) > 1e-3  # a reflection or a collapse is not a rotation
@@ -230,10 +230,10 @@ def observed_joints(
     if not all(f"{side}_{joint}" in row for joint in _LIMBS for side in SIDES):
         return None
     inside = (keypoints.points > -0.5) & (keypoints.points < np.array([width, height]) - 0.5)
-    seen: BoolArray = np.asarray(inside.all(axis=-1) & (keypoints.confidence >= least))
-    observed = _observed_limbs(seen, row, finger_share)
+    is_visible: BoolArray = np.asarray(inside.all(axis=-1) & (keypoints.confidence >= least))
+    observed = _observed_limbs(is_visible, row, finger_share)
     shoulders, hips = (observed[:, _LIMBS[name]].any(axis=1) for name in ("shoulder", "hip"))
-    observed[:, _FACE] = _columns_of(_FACE_POINTS, seen, row).any(axis=1, keepdims=True)
+    observed[:, _FACE] = _columns_of(_FACE_POINTS, is_visible, row).any(axis=1, keepdims=True)
     observed[:, _PELVIS] = hips
     observed[:, _CHEST] = shoulders
     observed[:, _LOWER_SPINE] = np.asarray(hips & shoulders)[:, None]
@@ -260,8 +260,10 @@ def _observed_limbs(
             observed[:, _LIMBS[name][k]] for name in ("wrist", "ankle", "shoulder")
         )
         foot = _columns_of((f"{side}_{name}" for name in _FOOT_POINTS), is_visible, row)
-        own = (name for name in row if name.startswith(side))
-        hand = _columns_of((n for n in own if is_finger(n) or "hand_root" in n), is_visible, row)
+        side_names = (name for name in row if name.startswith(side))
+        hand = _columns_of(
+            (n for n in side_names if is_finger(n) or "hand_root" in n), is_visible, row
+        )
         share = hand.mean(axis=1, keepdims=True) if hand.shape[1] else np.ones((len(is_visible), 1))
         observed[:, _FEET[k]] = foot.any(axis=1) if foot.shape[1] else ankle
         observed[:, _COLLARS[k]] = shoulder

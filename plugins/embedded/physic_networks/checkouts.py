@@ -168,11 +168,11 @@ class Checkout:
                 return
             if self._own is None:
                 self._own = _top_level_modules(root)  # once: folders of data can be large
-            own = self._own
+            own_modules = self._own
             self._is_active = True
-            others = _pop_modules(own)
+            others = _pop_modules(own_modules)
             sys.modules.update(self._modules)
-            for package in own.values():
+            for package in own_modules.values():
                 if package is not None and package.name not in sys.modules:
                     sys.modules[package.name] = _empty_package(package)
             sys.path.insert(0, str(root))
@@ -182,7 +182,7 @@ class Checkout:
             finally:
                 if str(root) in sys.path:
                     sys.path.remove(str(root))
-                self._modules = _pop_modules(own)
+                self._modules = _pop_modules(own_modules)
                 sys.modules.update(others)
                 self._is_active = False
 
@@ -219,8 +219,8 @@ class Checkout:
                 f"there is no folder {root}: set {self.option} to a checkout of "
                 f"{self.homepage} ({self._clone_commands()})"
             )
-        place = root.joinpath(*self.package.split("."))
-        if place.with_suffix(".py").is_file() or place.is_dir():
+        package_path = root.joinpath(*self.package.split("."))
+        if package_path.with_suffix(".py").is_file() or package_path.is_dir():
             return ""
         wanted = "/".join(self.package.split(".")) + ".py"
         return (
@@ -243,16 +243,16 @@ def checkout_commit(folder: Path) -> str:
     """Return the commit that a git repository has checked out, without running git; "" if the
     folder is not one.
     """
-    place = folder / ".git"
+    git_path = folder / ".git"
     try:
-        if place.is_file():  # a worktree or a submodule
-            place = folder / place.read_text("utf-8").partition("gitdir: ")[2].strip()
-        head = (place / "HEAD").read_text("utf-8").strip()
+        if git_path.is_file():  # a worktree or a submodule
+            git_path = folder / git_path.read_text("utf-8").partition("gitdir: ")[2].strip()
+        head = (git_path / "HEAD").read_text("utf-8").strip()
         name = head.partition("ref: ")[2]
         if not name:
             return head
-        common = place / "commondir"
-        root = place / common.read_text("utf-8").strip() if common.is_file() else place
+        common = git_path / "commondir"
+        root = git_path / common.read_text("utf-8").strip() if common.is_file() else git_path
         if (root / name).is_file():
             return (root / name).read_text("utf-8").strip()
         packed = (root / "packed-refs").read_text("utf-8").splitlines()

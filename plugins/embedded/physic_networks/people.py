@@ -73,13 +73,13 @@ def nms(boxes: FloatArray, scores: FloatArray, overlap: float) -> NDArray[np.int
             crowd.
     """
     left = np.argsort(-scores, kind="stable")
-    kept = []
+    kept_rows = []
     while len(left):
         best = left[0]
         left = left[1:]
-        kept.append(best)
+        kept_rows.append(best)
         left = left[box_iou(boxes[best : best + 1], boxes[left])[0] <= overlap]
-    return np.array(kept, np.intp)
+    return np.array(kept_rows, np.intp)
 
 
 def clip_boxes(boxes: FloatArray, height: int, width: int) -> tuple[FloatArray, BoolArray]:

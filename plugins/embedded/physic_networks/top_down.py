@@ -67,10 +67,10 @@ def padded_region(
         counts as one pixel.
     """
     corners = np.asarray(box, np.float64)
-    middle = (corners[:2] + corners[2:] - 1) / 2
+    center = (corners[:2] + corners[2:] - 1) / 2
     width, height = np.maximum(corners[2:] - corners[:2], 1.0)
     size = np.array([max(width, aspect * height), max(height, width / aspect)])
-    return middle, padding * size
+    return center, padding * size
 
 
 def crop_around_box(
@@ -90,12 +90,12 @@ def crop_around_box(
         padding: size of the region relative to the box.
         mirrored: exchange left and right about the centre of the region.
     """
-    middle, size = padded_region(box, width / height, padding)
+    center, size = padded_region(box, width / height, padding)
     cells = np.array([width, height], np.float64)
     step = size / cells
     if mirrored:
         step = step * np.array([-1.0, 1.0])
-    origin = middle - step * cells / 2
+    origin = center - step * cells / 2
     return Crop(
         (float(origin[0]), float(origin[1])), (float(step[0]), float(step[1])), width, height
     )

@@ -207,21 +207,21 @@ def _is_wham(document: Any) -> bool:
 def _wham(document: Any, file: FileOfPhoto) -> _Record:
     people = list(document.values())
     frames = [np.ravel(one["frame_ids"]) for one in people]
-    shown = np.concatenate(frames)
-    _check_count(len(shown))
-    is_film = file.frame is not None or len(np.unique(shown)) > 1
-    at = _frame(int(shown.max()) + 1, file) if is_film else shown[0]
-    is_shown = [numbers == at for numbers in frames]
-    pose, betas, place = (
+    frame_numbers = np.concatenate(frames)
+    _check_count(len(frame_numbers))
+    is_film = file.frame is not None or len(np.unique(frame_numbers)) > 1
+    frame = _frame(int(frame_numbers.max()) + 1, file) if is_film else frame_numbers[0]
+    is_shown = [numbers == frame for numbers in frames]
+    pose, betas, transl = (
         np.concatenate(
             [_rows(one, name, n)[rows] for one, rows in zip(people, is_shown, strict=True)]
         )
         for name, n in (("pose", 72), ("betas", 10), ("trans", 3))
     )
     if not len(pose):
-        raise ValueError(f"nobody is in the picture {at} of the film: set photo.bodies_frame")
+        raise ValueError(f"nobody is in the picture {frame} of the film: set photo.bodies_frame")
     return _record_of_rotvecs(
-        "WHAM", pose, betas, place, _centred(math.hypot(*file.size), file.size, len(pose))
+        "WHAM", pose, betas, transl, _centred(math.hypot(*file.size), file.size, len(pose))
     )
 
 
@@ -279,7 +279,7 @@ def _posed(tool: str, document: Mapping[str, Any], *, mean_hands: bool = False) 
     for name in _PARTS.keys() & document.keys():
         first, last = _PARTS[name]
         turns[:, first:last] = _rotvecs(document, name, count, last - first)
-    place = next((name for name in ("transl", "trans") if name in document), None)
+    transl_name = next((name for name in ("transl", "trans") if name in document), None)
     face = document.get("expression")
     return _Record(
         tool,
@@ -287,10 +287,10 @@ def _posed(tool: str, document: Mapping[str, Any], *, mean_hands: bool = False) 
         turns,
         betas,
         None if face is None else _rows(document, "expression", np.shape(face)[-1]),
-        None if place is None else _rows(document, place, 3),
+        None if transl_name is None else _rows(document, transl_name, 3),
         camera=_cameras(document, count),
         mean_hands=mean_hands,
-        is_placed=place is not None,
+        is_placed=transl_name is not None,
         sigma_m=_SIGMA_M.get(tool, BodiesInFile.sigma_m),
     )
 

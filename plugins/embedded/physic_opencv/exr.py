@@ -89,21 +89,26 @@ def _on_display_window(
 ) -> NDArray[np.generic]:
     """Return a channel on the display window. Channels of whole numbers stay as they are."""
     stored = _window(header, "dataWindow")
-    shown = _window(header, "displayWindow")
-    if stored == shown or not np.issubdtype(pixels.dtype, np.floating):
+    display_window = _window(header, "displayWindow")
+    if stored == display_window or not np.issubdtype(pixels.dtype, np.floating):
         return pixels
     x0, y0, x1, y1 = (
-        pick(a, b) for pick, a, b in zip((max, max, min, min), stored, shown, strict=True)
+        pick(a, b) for pick, a, b in zip((max, max, min, min), stored, display_window, strict=True)
     )
     if x0 >= x1 or y0 >= y1:
         raise InputError(
             f"cannot read the depth map {path}: its data window {stored} lies outside of its "
-            f"display window {shown}; write the file anew with both of the photo's size"
+            f"display window {display_window}; write the file anew with both of the photo's size"
         )
-    placed = np.full((shown[3] - shown[1], shown[2] - shown[0]), np.nan, pixels.dtype)
-    placed[y0 - shown[1] : y1 - shown[1], x0 - shown[0] : x1 - shown[0]] = pixels[
-        y0 - stored[1] : y1 - stored[1], x0 - stored[0] : x1 - stored[0]
-    ]
+    placed = np.full(
+        (display_window[3] - display_window[1], display_window[2] - display_window[0]),
+        np.nan,
+        pixels.dtype,
+    )
+    placed[
+        y0 - display_window[1] : y1 - display_window[1],
+        x0 - display_window[0] : x1 - display_window[0],
+    ] = pixels[y0 - stored[1] : y1 - stored[1], x0 - stored[0] : x1 - stored[0]]
     return placed
 
 

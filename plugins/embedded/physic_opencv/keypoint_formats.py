@@ -106,25 +106,25 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
     dataset = document if isinstance(document, Mapping) else {}
     annotations = dataset.get("annotations") if dataset else document
     if not isinstance(annotations, list) or not all(
-        isinstance(one, Mapping) for one in annotations
+        isinstance(annotation, Mapping) for annotation in annotations
     ):
         raise ValueError("it has no list of annotations")
     images = by_id(dataset, "images")
     image, of_image = annotations_of_photo(annotations, images, photo)
     names = {
-        key: tuple(identity(name, "the name of a joint") for name in one["keypoints"])
-        for key, one in by_id(dataset, "categories").items()
-        if one.get("keypoints")
+        key: tuple(identity(name, "the name of a joint") for name in annotation["keypoints"])
+        for key, annotation in by_id(dataset, "categories").items()
+        if annotation.get("keypoints")
     }
     everywhere: list[Row] = []
     rows: list[Row] = []
-    for person, one in enumerate(annotations):
-        names_of_category = names.get(id_of(one, "category_id"))
-        triples = list(_triples(person, one.get("keypoints"), names_of_category))
+    for person, annotation in enumerate(annotations):
+        names_of_category = names.get(id_of(annotation, "category_id"))
+        triples = list(_triples(person, annotation.get("keypoints"), names_of_category))
         for part, (start, stop) in _PARTS.items():
-            triples += _triples(person, one.get(part), _WHOLE_BODY[start:stop])
+            triples += _triples(person, annotation.get(part), _WHOLE_BODY[start:stop])
         everywhere += triples
-        rows += triples if any(one is other for other in of_image) else []
+        rows += triples if any(annotation is other for other in of_image) else []
     # A score of another image of the file says what the numbers of this one are.
     scored = any(row[4] not in (0, 1, 2) for row in everywhere)
     about = images.get(image, {})
@@ -157,7 +157,7 @@ def annotations_of_photo(
     Raises:
         ValueError: it is not known which image is meant, or of which image an annotation is.
     """
-    of = [id_of(one, "image_id") for one in annotations]
+    of = [id_of(annotation, "image_id") for annotation in annotations]
     ids = {*of, *images} - {""}
     if len(ids) < 2:  # those without an id are of the only image
         return next(iter(ids), ""), list(annotations)
@@ -180,7 +180,9 @@ def annotations_of_photo(
         raise ValueError(
             f"it has {len(ids)} images, and none is named {stem or 'as the photo'}: keep its"
         )
-    return named[0], [one for one, key in zip(annotations, of, strict=True) if key == named[0]]
+    return named[0], [
+        annotation for annotation, key in zip(annotations, of, strict=True) if key == named[0]
+    ]
 
 
 def _note_on_other_name(entry: Mapping[str, Any], key: str, photo: str) -> tuple[str, ...]:
@@ -319,11 +321,11 @@ def _read_scored(document: Any, photo: str) -> KeypointTable:
             raise ValueError(f"it has people of {len(people)} images: keep only this photo's")
         people = people[0]
     rows: list[Row] = []
-    for person, one in enumerate(people):
-        scores = one.get("keypoint_scores", one.get("scores"))
-        labels = one.get("labels")
+    for person, entry in enumerate(people):
+        scores = entry.get("keypoint_scores", entry.get("scores"))
+        labels = entry.get("labels")
         names = None if labels is None else [_joint_of_label(label) for label in labels]
-        rows += _pairs(person, one["keypoints"], scores or (), names)
+        rows += _pairs(person, entry["keypoints"], scores or (), names)
     notes = (
         *_note_on_unread((about,), f"{_OF_PERSON} meta_info instance_info predictions"),
         *_note_on_unread(people, _OF_PERSON),
@@ -372,32 +374,32 @@ def _read_label_studio(document: Any, photo: str) -> KeypointTable:
     if len(tasks) > 1:
         raise ValueError(f"it has {len(tasks)} tasks of Label Studio: keep only this photo's")
     marks = [
-        one
+        mark
         for annotation in tasks[0]["annotations"]
         if not boolean(annotation.get("was_cancelled"), "was_cancelled")
-        for one in annotation.get("result", ())
+        for mark in annotation.get("result", ())
     ]
-    others = sum(identity(one["type"], "a type") != "keypointlabels" for one in marks)
+    others = sum(identity(mark["type"], "a type") != "keypointlabels" for mark in marks)
     rows: list[Row] = []
     size = None
     notes = (
         *(f"left out {others} marks of Label Studio that are no keypoints",) * bool(others),
         *_note_on_other_name(tasks[0].get("data") or {}, "image", photo),
         *_note_on_unread(marks, _OF_MARK),
-        *_note_on_unread((one["value"] for one in marks), "x y width keypointlabels"),
+        *_note_on_unread((mark["value"] for mark in marks), "x y width keypointlabels"),
     )
-    for one in marks:
-        if one["type"] != "keypointlabels":
+    for mark in marks:
+        if mark["type"] != "keypointlabels":
             continue
-        stated = stated_size(one, "original_width", "original_height")
-        if size not in (None, stated) or len(one["value"]["keypointlabels"]) > 1:
+        stated = stated_size(mark, "original_width", "original_height")
+        if size not in (None, stated) or len(mark["value"]["keypointlabels"]) > 1:
             raise ValueError("marks of Label Studio have several pictures, or several labels each")
         size = stated
-        if number(one.get("image_rotation") or 0, "image_rotation"):
+        if number(mark.get("image_rotation") or 0, "image_rotation"):
             raise ValueError("a mark is of the turned picture: turn it back in Label Studio")
         if size is None:
             raise ValueError("a mark of Label Studio lacks original_width and original_height")
-        value = one["value"]
+        value = mark["value"]
         x, y = (
             number(value[axis], axis) / 100 * side - 0.5
             for axis, side in zip("xy", size, strict=True)

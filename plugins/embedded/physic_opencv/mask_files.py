@@ -100,16 +100,18 @@ def _masks_of_json(document: Any, file: FileOfPhoto) -> MasksInFile:
     if any("predicted_iou" in one for one in entries):
         return MasksInFile(_masks_of_entries(entries, file.size), are_people=False)
     images = by_id(dataset, "images")
-    image, shown = annotations_of_photo(entries, images, file.photo)
+    image, annotations = annotations_of_photo(entries, images, file.photo)
     size = stated_size(images.get(image, {}), "width", "height") or file.size
     _check_size(*size)
     categories = by_id(dataset, "categories")
     people = {key for key, one in categories.items() if one.get("name") == _PERSON}
-    chosen = [one for one in shown if id_of(one, "category_id") in (people or {_COCO_PERSON, ""})]
+    chosen = [
+        one for one in annotations if id_of(one, "category_id") in (people or {_COCO_PERSON, ""})
+    ]
     if not chosen:
-        raise ValueError(f"it has {len(shown)} annotations of the photo, and no person")
+        raise ValueError(f"it has {len(annotations)} annotations of the photo, and no person")
     chosen.sort(key=lambda one: -number(one.get("score", 1), "score"))
-    left_out = len(shown) - len(chosen)
+    left_out = len(annotations) - len(chosen)
     notes = (f"left out {left_out} given masks of other things than people",) * bool(left_out)
     return MasksInFile(_masks_of_entries(chosen, size), notes=notes)
 
@@ -181,7 +183,7 @@ def _polygons_of_text(text: str, size: tuple[int, int]) -> BoolArray:
     id.
     """
     masks = []
-    for at, line in enumerate(text.splitlines(), start=1):
+    for line_number, line in enumerate(text.splitlines(), start=1):
         values = [float(part) for part in line.split()]
         if not values or values[0] != 0:  # class 0 is the person
             continue
@@ -190,7 +192,9 @@ def _polygons_of_text(text: str, size: tuple[int, int]) -> BoolArray:
             del shares[-2:]
         del shares[len(shares) // 2 * 2 :]
         if len(shares) < 6 or not all(-0.01 <= share <= 1.01 for share in shares):
-            raise InputError(f"line {at} of the masks is not a polygon in shares of the picture")
+            raise InputError(
+                f"line {line_number} of the masks is not a polygon in shares of the picture"
+            )
         masks.append(_union_of_polygons([np.reshape(shares, (-1, 2)) * size], size))
     if not masks:
         raise ValueError("it has no line of class 0, a person")

@@ -46,25 +46,25 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
     """
     from physic_core.configuration.layers import preset_comment
 
-    place = (folder or Path(f"physic-{preset}")).absolute()
-    needed = _setup_of(preset, place)
+    setup_folder = (folder or Path(f"physic-{preset}")).absolute()
+    needed = _setup_of(preset, setup_folder)
     about = preset_comment(preset)
     if not run_steps:
-        echo("\n".join(_script(needed, preset, place, about)))
+        echo("\n".join(_script(needed, preset, setup_folder, about)))
     else:
         echo("\n".join((*about, "")))
         for number, step in enumerate(needed.steps, 1):
             echo(f"{number}. {step.title}: {'done' if step.is_done else 'to do'}")
             if not step.is_done:
                 _run(step)
-        needed = _setup_of(preset, place)
+        needed = _setup_of(preset, setup_folder)
         left = [step for step in needed.steps if not step.is_done]
         echo(f"\n{len(needed.steps) - len(left)} of {len(needed.steps)} steps are done")
         for step in left:
             echo(f"left to you: {step.title}")
             for line in step.by_hand:
                 echo(f"  {line}")
-        config = shlex.quote(str(place / f"{preset}.toml"))
+        config = shlex.quote(str(setup_folder / f"{preset}.toml"))
         if not left and needed.keeps_graphs:
             _run_command(f"physic cache fill --config {config}")
         echo(f"then: physic config check --config {config}")

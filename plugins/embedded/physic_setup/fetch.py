@@ -69,9 +69,9 @@ def fetch(
             f"to accept the license: physic weights fetch {weights.name} --accept-license"
         )
     for file in absent:
-        here = locate_files(weights).get(file.path)
-        if here is not None and not describe_mismatch(here, file):
-            _copy(here, folder / file.path)
+        local_file = locate_files(weights).get(file.path)
+        if local_file is not None and not describe_mismatch(local_file, file):
+            _copy(local_file, folder / file.path)
         elif file.source:
             report(file)
             _fetch_file(weights, file, folder, in_folder=to is not None)
@@ -105,24 +105,24 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, *, in_folder
     check_writable(target.parent)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".download-") as scratch:
         errors = []
-        for place in (file.source, *weights.mirrors):
+        for source in (file.source, *weights.mirrors):
             try:
-                downloaded = _download(file, place, Path(scratch))
+                downloaded = _download(file, source, Path(scratch))
                 break
             except Exception as error:  # two libraries and their HTTP clients raise many classes
-                errors.append((place, error))
+                errors.append((source, error))
         else:
             homepage = f"; see {weights.homepage}" if weights.homepage else ""
-            tried = "\n".join(f"{place}: {error}" for place, error in errors)
+            tried = "\n".join(f"{source}: {error}" for source, error in errors)
             raise DownloadError(f"{tried}{homepage}") from errors[0][1]
         if wrong := describe_mismatch(downloaded, file):
             # the cache of Hugging Face has a file, and a link of its revision
             for path in {downloaded.resolve(), downloaded}:
                 path.unlink()
-            raise DownloadError(f"{place} was downloaded, but {wrong}: removed")
-        if place == file.source and not isinstance(file.origin, HubSource):
+            raise DownloadError(f"{source} was downloaded, but {wrong}: removed")
+        if source == file.source and not isinstance(file.origin, HubSource):
             os.replace(downloaded, target)
-        elif in_folder or place != file.source:
+        elif in_folder or source != file.source:
             _copy(downloaded, target)
 
 

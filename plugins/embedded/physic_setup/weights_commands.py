@@ -47,21 +47,23 @@ def list_weights(missing: bool) -> None:
     """List all weight sets: plugin, size, license, installed or not."""
 
     library = read_library()
-    sets = [one for one in library.sets if not (missing and presence(one.weights) == "here")]
+    sets = [
+        listed for listed in library.sets if not (missing and presence(listed.weights) == "here")
+    ]
     rows = [("weights", "plugin", "size", "commercial use", "account", "state", "license")]
-    for one in sets:
-        found = one.weights
-        account = "needed" if found.needs_account else "-"
+    for listed in sets:
+        weight_set = listed.weights
+        account = "needed" if weight_set.needs_account else "-"
         rows.append(
             (
                 *(
-                    found.name,
-                    one.offer.distribution,
-                    format_size(found.bytes) or "-",
-                    _USE[found.commercial],
+                    weight_set.name,
+                    listed.offer.distribution,
+                    format_size(weight_set.bytes) or "-",
+                    _USE[weight_set.commercial],
                     account,
                 ),
-                *(presence(one.weights), found.license),
+                *(presence(listed.weights), weight_set.license),
             )
         )
     for offer, why in library.broken:
@@ -82,10 +84,10 @@ def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
 
     library = read_library()
     count = Counter[str]()
-    for one in [library.get(name) for name in dict.fromkeys(names)] or library.sets:
-        here = locate_files(one.weights)
-        for file in one.weights.files:
-            path = here.get(file.path)
+    for listed in [library.get(name) for name in dict.fromkeys(names)] or library.sets:
+        local_files = locate_files(listed.weights)
+        for file in listed.weights.files:
+            path = local_files.get(file.path)
             wrong = "" if path is None else describe_mismatch(path, file)
             note = wrong or ("" if file.sha256 or path is None else "no SHA-256 is published")
             state = "DIFFERS" if wrong else "ok"
@@ -94,7 +96,7 @@ def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
             if path is not None or names:
                 count[state] += 1
                 echo(
-                    f"{state:<8} {one.weights.name} "
+                    f"{state:<8} {listed.weights.name} "
                     f"{path or file.path}{f': {note}' if note else ''}"
                 )
     files = "1 file" if count.total() == 1 else f"{count.total()} files"
@@ -128,10 +130,10 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
     library = read_library()
     chosen = [library.get(name) for name in dict.fromkeys(names)]
     failed = False
-    for one in chosen:
-        name = one.weights.name
+    for listed in chosen:
+        name = listed.weights.name
         try:
-            fetched = fetch_set(one.weights, accept=accept, to=to, report=partial(_report, name))
+            fetched = fetch_set(listed.weights, accept=accept, to=to, report=partial(_report, name))
         except PhysicError as error:
             failed = True
             echo(f"{name}: {error}", err=True)
@@ -139,12 +141,16 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
             echo(f"{name}: interrupted; complete files are kept", err=True)
             ctx.exit(INTERRUPTED)
         else:
-            here = locate_files(one.weights)
-            where = to / name if to else common_folder(here) or ", ".join(map(str, here.values()))
+            local_files = locate_files(listed.weights)
+            folder_text = (
+                to / name
+                if to
+                else common_folder(local_files) or ", ".join(map(str, local_files.values()))
+            )
             echo(
-                f"{name}: {', '.join(fetched)} downloaded to {where}"
+                f"{name}: {', '.join(fetched)} downloaded to {folder_text}"
                 if fetched
-                else f"{name}: already in {where}"
+                else f"{name}: already in {folder_text}"
             )
     ctx.exit(WEIGHTS if failed else 0)
 

@@ -57,8 +57,8 @@ class DepthAnything(OnnxBackend, RelativePointmap):
         rows, columns = input_size(image.shape[0], image.shape[1])
         picture = resize_image(image, rows, columns, "bicubic-antialias")
         (disparity,) = self.network.run({"image": normalized_nchw(picture, scale=1.0)}, ["depth"])
-        gap, lost = clip_disparity(disparity[0])
-        if lost.all() or np.ptp(gap) <= _LEAST_SPREAD * gap.max():
+        gap, is_unreliable = clip_disparity(disparity[0])
+        if is_unreliable.all() or np.ptp(gap) <= _LEAST_SPREAD * gap.max():
             raise BackendError(
                 f"{self.network.name} detects no structure in the photo: no pixel has a depth"
             )
@@ -70,7 +70,7 @@ class DepthAnything(OnnxBackend, RelativePointmap):
             focal = focal_from_fov(_DEFAULT_FOV, max(height, width))
             camera = Intrinsics.from_focal(focal, width, height, source, CameraTrust.GUESSED)
             notes = (f"focal length is a {source}",)
-        points, valid = points_from_disparity(gap, lost, camera)
+        points, valid = points_from_disparity(gap, is_unreliable, camera)
         return Pointmap(points, valid, "inverse_scale_shift", camera, notes)
 
 

@@ -35,13 +35,13 @@ def floor_mask(networks: Sam2Networks, photo: EncodedImage, people: People) -> B
         photo, points, _person_centres(people), np.array([0, _chest_row(people), *photo.size[::-1]])
     )
     best = None
-    most = 0.0
+    best_score = 0.0
     for answer in logits:
         mask = np.asarray(resize_map(_connected_to_points(answer, photo, points), *photo.size) > 0)
         value = _ground_score(mask & ~anybody, mask, points, people)
-        if value > most:
+        if value > best_score:
             best = mask & ~anybody
-            most = value
+            best_score = value
     return best
 
 

@@ -203,7 +203,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         pixels = np.concatenate(
             [normalized_nchw(one, IMAGENET_MEAN, IMAGENET_STD) for one in crops]
         )
-        root, pose, betas, weak = self.run(
+        root, pose, betas, weak_camera = self.run(
             {"img": pixels, **camerahmr_inputs(centres, sides, focal, intrinsics)}
         )
         rotations = np.concatenate(
@@ -214,8 +214,8 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
                 f"CameraHMR returned {rotations.shape[1]} joints, where SMPL has 24: checkpoint "
                 "and code of its SMPL-X branch are not supported"
             )
-        place = translation_from_crop(weak.reshape(-1, 3), centres, sides, intrinsics)
-        bodies = pose_smpl_bodies(body, rotations, betas, place)
+        transl = translation_from_crop(weak_camera.reshape(-1, 3), centres, sides, intrinsics)
+        bodies = pose_smpl_bodies(body, rotations, betas, transl)
         return replace(
             bodies,
             observed=observed_joints(

@@ -81,12 +81,12 @@ def visible_hand_boxes(
     """
     rows: list[tuple[int, bool, FloatArray, float]] = []
     row = {name: i for i, name in enumerate(keypoints.joint_set.names)}
-    for person, (points, sure) in enumerate(
+    for person, (points, joint_confidence) in enumerate(
         zip(keypoints.points, keypoints.confidence, strict=True)
     ):
         for side in SIDES:
-            hand = _box_from_points(points, sure, row, side) or _box_from_arm(
-                points, sure, row, side
+            hand = _box_from_points(points, joint_confidence, row, side) or _box_from_arm(
+                points, joint_confidence, row, side
             )
             if hand is None:
                 continue
@@ -125,12 +125,12 @@ def _box_from_arm(
     if not all(name in row for name in names):
         return None
     shoulder, elbow, wrist = (row[name] for name in names)
-    place = points[wrist].astype(np.float64)
-    along = place - points[elbow]
+    wrist_px = points[wrist].astype(np.float64)
+    along = wrist_px - points[elbow]
     forearm = float(np.linalg.norm(along))
     if confidence[shoulder] > 0:
         forearm = max(forearm, _UPPER_ARM * float(np.linalg.norm(points[elbow] - points[shoulder])))
-    middle = place + _BEYOND * along
+    middle = wrist_px + _BEYOND * along
     half = _LENGTH * forearm / 2
     return np.concatenate([middle - half, middle + half]), float(
         min(confidence[wrist], confidence[elbow])
@@ -203,11 +203,11 @@ def hands_from_mano(count: int, boxes: HandBoxes, fingers: FloatArray, wrists: F
     turned = np.zeros((count, 2, 3), np.float32)
     hands = replace(empty_hands(count), wrists=turned)
     for i in np.flatnonzero(valid):
-        place = (int(boxes.person[i]), int(boxes.is_right[i]))
-        if boxes.confidence[i] > hands.confidence[place]:
-            hands.rotvecs[place] = rotvecs[i]
-            hands.confidence[place] = min(float(boxes.confidence[i]), 1.0)
-            turned[place] = wrist_rotvecs[i]
+        person_and_side = (int(boxes.person[i]), int(boxes.is_right[i]))
+        if boxes.confidence[i] > hands.confidence[person_and_side]:
+            hands.rotvecs[person_and_side] = rotvecs[i]
+            hands.confidence[person_and_side] = min(float(boxes.confidence[i]), 1.0)
+            turned[person_and_side] = wrist_rotvecs[i]
     return hands
 
 

@@ -58,18 +58,18 @@ def guarded_torch(hub: Callable[..., Any], *, trusted: bool) -> Iterator[list[An
     import torch
 
     with _lock:
-        here = threading.get_ident()
+        thread_id = threading.get_ident()
         hub_load = torch.hub.load
         load = torch.load
 
         def own_hub_load(*args: Any, **options: Any) -> Any:
-            loader: Callable[..., Any] = hub if threading.get_ident() == here else hub_load
+            loader: Callable[..., Any] = hub if threading.get_ident() == thread_id else hub_load
             return loader(*args, **options)
 
         read: list[Any] = []
 
         def own_load(*args: Any, **options: Any) -> Any:
-            if threading.get_ident() != here:
+            if threading.get_ident() != thread_id:
                 return load(*args, **options)
             read.append(load(*args, **(options if trusted else options | {"weights_only": True})))
             return read[-1]
@@ -231,10 +231,10 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         def joined(name: str) -> FloatArray:
             return np.stack([np.asarray(one[name], np.float32) for one in outputs])
 
-        place = joined("pred_cam_t")
+        transl = joined("pred_cam_t")
         if not uses_principal_point(estimator.cfg):
-            place[:, :2] += _principal_point_shift(image, intrinsics) * place[:, 2:]
-        vertices = joined("pred_vertices") + place[:, None]
+            transl[:, :2] += _principal_point_shift(image, intrinsics) * transl[:, 2:]
+        vertices = joined("pred_vertices") + transl[:, None]
         points = joined("pred_keypoints_3d")[:, :MHR_KEYPOINTS]
         zero = np.zeros((len(people), 22, 3), np.float32)
         betas = np.stack(
@@ -242,12 +242,12 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         )
         mesh = Mesh("mhr", vertices, np.asarray(estimator.faces, np.int32))
         return Bodies(
-            parameters_from_rotvecs(zero, betas, place),
+            parameters_from_rotvecs(zero, betas, transl),
             "mhr",
             observed=observed_joints(
                 keypoints, image.shape[0], image.shape[1], self.options.seen_confidence
             ),
-            joints=joints_from_mhr70(points + place[:, None]),
+            joints=joints_from_mhr70(points + transl[:, None]),
             mesh=mesh,
         )
 

@@ -77,19 +77,19 @@ class DepthPro(PretrainedBackend, MetricDepth):
             BackendError: they are another model's.
         """
         super().load(device)
-        there = memory_gb()
+        available_gb = memory_gb()
         needed = self.options.cpu_memory_gb
         if (
             device == "cpu"
-            and there is not None
-            and there < needed
+            and available_gb is not None
+            and available_gb < needed
             and _side(self.model().config) >= _LARGE
         ):
             self.close()
             raise DeviceError(
                 f"DepthPro needs about {needed:g} GB of memory on a CPU, this machine has "
-                f"{there:.0f} GB: use a GPU, another metric_depth, or set cpu_memory_gb = 0 to try "
-                "all the same"
+                f"{available_gb:.0f} GB: use a GPU, another metric_depth, or set cpu_memory_gb = 0 "
+                "to try all the same"
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:

@@ -117,10 +117,10 @@ class GroundedSam2(PretrainedBackend, Segmenter):
         else:
             boxes = np.array(prompt.boxes).reshape(-1, 4)
             points = np.array(prompt.points).reshape(-1, 2)
-        places: FloatArray = np.zeros((0, 4))
+        floor_boxes: FloatArray = np.zeros((0, 4))
         if options.floor_words:
-            places, _ = self._boxes(pixels, options.floor_words, options.box_threshold, size)
-        logits = self._masks(image, np.concatenate([boxes, places]), points)
+            floor_boxes, _ = self._boxes(pixels, options.floor_words, options.box_threshold, size)
+        logits = self._masks(image, np.concatenate([boxes, floor_boxes]), points)
         people = len(points) + len(boxes)
         floor = union_of_masks(logits[people:], size) if options.floor_words else None
         if prompt is not None:

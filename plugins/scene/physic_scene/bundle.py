@@ -356,13 +356,17 @@ def camera_sigmas(observations: MomentObservations, state: Bundle, reference: in
     for v, (camera, focal) in enumerate(
         zip(state.columns.camera, state.columns.focal, strict=True)
     ):
-        own = covariance[np.ix_(camera, camera)]
+        camera_covariance = covariance[np.ix_(camera, camera)]
         # The centre is -R^T t: a rotation by w turns it by R^T (t x w).
         moves = np.hstack(
             [state.rotation[v].T @ _cross(state.translation[v]), -state.rotation[v].T]
         )
-        moved = max(np.trace(moves @ own @ moves.T), 0.0)
-        variances[v] = np.trace(own[:3, :3]), moved, covariance[focal, focal]
+        center_variance = max(np.trace(moves @ camera_covariance @ moves.T), 0.0)
+        variances[v] = (
+            np.trace(camera_covariance[:3, :3]),
+            center_variance,
+            covariance[focal, focal],
+        )
     sigmas: FloatArray = np.sqrt(variances) * [_ROTATION_STATED, _POSITION_STATED, 1.0]
     return sigmas
 
@@ -378,8 +382,8 @@ def _normal_equations(
     columns = []
     residuals = []
     for block in _blocks(observations, state, reference, settings):
-        weight, own = robust_weights(block, settings.outlier)
-        energy += own
+        weight, block_energy = robust_weights(block, settings.outlier)
+        energy += block_energy
         m, d, k = block.jacobian.shape
         root = np.sqrt(weight)[:, None]
         values.append((root[..., None] * block.jacobian).reshape(-1))
@@ -387,8 +391,8 @@ def _normal_equations(
         columns.append(np.repeat(block.columns[:, None], d, axis=1).reshape(-1))
         residuals.append((root * block.residual).reshape(-1))
         first += m * d
-    places = np.concatenate(rows), np.concatenate(columns)
-    jacobian = csr_array(coo_array((np.concatenate(values), places), (first, state.columns.count)))
+    indices = np.concatenate(rows), np.concatenate(columns)
+    jacobian = csr_array(coo_array((np.concatenate(values), indices), (first, state.columns.count)))
     return csc_array(jacobian.T @ jacobian), jacobian.T @ np.concatenate(residuals), energy
 
 

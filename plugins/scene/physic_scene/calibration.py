@@ -181,7 +181,7 @@ def read_calibration(
             "must be or begin with that of its camera"
         )
     _refuse_near_names(path, photos, named, cameras)
-    found: list[KnownCamera | None] = []
+    known_cameras: list[KnownCamera | None] = []
     for name, photo, size in zip(named, photos, sizes, strict=True):
         if name is not None and named.count(name) > 1:
             raise InputError(
@@ -189,12 +189,12 @@ def read_calibration(
                 f"photo of each"
             )
         if name is None:
-            found.append(None)
+            known_cameras.append(None)
             continue
         fitting = [
-            one
-            for one in _possible_cameras(cameras[name], rig.turns.get(name, 0))
-            if one.fits(size)
+            camera
+            for camera in _possible_cameras(cameras[name], rig.turns.get(name, 0))
+            if camera.fits(size)
         ]
         if len(fitting) != 1:
             stated = cameras[name].size or "no size, and its principal point is off center"
@@ -203,10 +203,12 @@ def read_calibration(
                 f"camera {name} of {path} has {stated}, and {photo.name} {cause} px: give the "
                 "photo as it was calibrated, or the calibration of its size"
             )
-        found.append(replace(fitting[0].camera(unit_m or 1.0, size), name=name, by_order=by_order))
+        known_cameras.append(
+            replace(fitting[0].camera(unit_m or 1.0, size), name=name, by_order=by_order)
+        )
     if unit_m is None:
-        _require_metres(path, found)
-    return found
+        _require_metres(path, known_cameras)
+    return known_cameras
 
 
 def _require_metres(path: Path, cameras: Sequence[KnownCamera | None]) -> None:

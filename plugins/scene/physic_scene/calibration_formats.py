@@ -137,8 +137,8 @@ def _read_toml(path: Path) -> CameraFile:
     turns: dict[str, int] = {}
     cameras = [
         key
-        for key, one in entries.items()
-        if isinstance(one, dict) and isinstance(one.get("matrix"), list)
+        for key, entry in entries.items()
+        if isinstance(entry, dict) and isinstance(entry.get("matrix"), list)
     ]
     if not cameras:
         return CameraFile(document)
@@ -147,21 +147,21 @@ def _read_toml(path: Path) -> CameraFile:
     )
     _refuse_unread_keys("its metadata", document.get("metadata", ()), ("adjusted", "error"))
     for key in cameras:
-        one = entries[key]
-        name = identity(one.get("name", f"cam_{key}" if nested else key), "the name of a camera")
-        if boolean(one.get("ignore"), f"ignore of camera {name}"):
+        entry = entries[key]
+        name = identity(entry.get("name", f"cam_{key}" if nested else key), "the name of a camera")
+        if boolean(entry.get("ignore"), f"ignore of camera {name}"):
             continue
-        _refuse_unread_keys(f"camera {name}", one, _TOML_KEYS)
-        if boolean(one.get("fisheye"), f"fisheye of camera {name}"):
+        _refuse_unread_keys(f"camera {name}", entry, _TOML_KEYS)
+        if boolean(entry.get("fisheye"), f"fisheye of camera {name}"):
             raise _unsupported(name, "a fisheye (AniPose's and Caliscope's `fisheye = true`)")
         table = {
-            "size": one["size"],
-            "K": one["matrix"],
-            "distortion": _coefficients(one.get("distortions")),
-            **_pose(one.get("rotation"), one.get("translation")),
+            "size": entry["size"],
+            "K": entry["matrix"],
+            "distortion": _coefficients(entry.get("distortions")),
+            **_pose(entry.get("rotation"), entry.get("translation")),
         }
         _add_once(tables, name, table)
-        turns[name] = count(one.get("rotation_count", 0), f"rotation_count of camera {name}")
+        turns[name] = count(entry.get("rotation_count", 0), f"rotation_count of camera {name}")
     return CameraFile(tables, turns)
 
 

@@ -108,8 +108,8 @@ def checks_of_keypoints(
     """Yield the check of each photo but the reference that its people are where it shows them."""
     for photo in photos:
         errors = []
-        for row, own in photo.shown.items():
-            people = photo.result.people[own]
+        for row, photo_row in photo.shown.items():
+            people = photo.result.people[photo_row]
             joints = photo.camera.to_camera(result.people[row].joints)
             keypoints = (people.keypoints, people.keypoint_confidence)
             box = np.asarray(people.box, np.float64)

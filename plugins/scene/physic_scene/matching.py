@@ -145,9 +145,9 @@ def _candidate_answers(
         yield pairs
         for _ in range(2):
             motion = relative_motion(one, two, pairs)
-            place = compare_places(one, two, motion)
+            place_cost = compare_places(one, two, motion)
             turn = rotation_angle_deg(turns, motion.rotation)
-            apart = (place / _PLACE) ** 2 + (turn / _TURN_DEG) ** 2 + (pose / _POSE_M) ** 2
+            apart = (place_cost / _PLACE) ** 2 + (turn / _TURN_DEG) ** 2 + (pose / _POSE_M) ** 2
             apart[i] = _UNLIKE
             apart[:, j] = _UNLIKE
             apart[i, j] = 0
@@ -199,8 +199,10 @@ def join_tracks(
     while pair := _next_pair(groups, linked, matches):
         g, h = pair
         groups[g] |= groups.pop(h)
-        own = [photos for photos in linked if photos & groups[g].keys()]
-        linked = [photos for photos in linked if photos not in own] + [set().union(*own)]
+        own_photos = [photos for photos in linked if photos & groups[g].keys()]
+        linked = [photos for photos in linked if photos not in own_photos] + [
+            set().union(*own_photos)
+        ]
     tracks = sorted((m for m in groups if len(m) > 1), key=lambda m: (-len(m), min(m.items())))
     rows = np.full((len(tracks), len(people)), -1)
     for t, members in enumerate(tracks):

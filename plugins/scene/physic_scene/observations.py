@@ -191,20 +191,22 @@ def _colours(
     uv = np.round((vertices @ K.T)[:, :2] / np.maximum(vertices[:, 2:], 1e-3)).astype(int)
     height, width = mask.shape
     inside: BoolArray = ((uv >= 0) & (uv < [width, height])).all(1) & (vertices[:, 2] > 0.1)
-    own = np.zeros(len(uv), bool)
-    own[inside] = mask[uv[inside, 1], uv[inside, 0]]
+    is_on_mask = np.zeros(len(uv), bool)
+    is_on_mask[inside] = mask[uv[inside, 1], uv[inside, 0]]
     # Of several vertices at a pixel, the nearest is the one that the photo shows.
     nearest = np.full((height, width), np.inf)
-    np.minimum.at(nearest, (uv[own, 1], uv[own, 0]), vertices[own, 2])
-    own[own] = vertices[own, 2] < nearest[uv[own, 1], uv[own, 0]] + 0.05
+    np.minimum.at(nearest, (uv[is_on_mask, 1], uv[is_on_mask, 0]), vertices[is_on_mask, 2])
+    is_on_mask[is_on_mask] = (
+        vertices[is_on_mask, 2] < nearest[uv[is_on_mask, 1], uv[is_on_mask, 0]] + 0.05
+    )
     means = np.full((len(COLOUR_GROUPS), 3), np.nan)
-    if not own.any():
+    if not is_on_mask.any():
         return means
-    colors = np.asarray(result.image)[None, uv[own, 1], uv[own, 0]]
+    colors = np.asarray(result.image)[None, uv[is_on_mask, 1], uv[is_on_mask, 0]]
     lab = cv2.cvtColor(colors.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
-    part = model.part_of_vertex.numpy()[own]
+    part = model.part_of_vertex.numpy()[is_on_mask]
     for row, names in enumerate(COLOUR_GROUPS):
-        here = np.isin(part, [model.part_names.index(name) for name in names])
-        if here.sum() >= _FEWEST_PIXELS:
-            means[row] = np.median(lab[0, here], axis=0)
+        is_on_part = np.isin(part, [model.part_names.index(name) for name in names])
+        if is_on_part.sum() >= _FEWEST_PIXELS:
+            means[row] = np.median(lab[0, is_on_part], axis=0)
     return means

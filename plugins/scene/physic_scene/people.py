@@ -56,12 +56,12 @@ def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScen
         for p, row in enumerate(solved.rows)
     ]
     in_reference = {one.row_by_photo.get(reference): one for one in matched}
-    own = [
+    reference_people = [
         in_reference.get(i) or PersonOfScene({reference: i}, person.parameters)
         for i, person in enumerate(photos[reference].result.people)
     ]
     others = [one for one in matched if reference not in one.row_by_photo]
-    return (*own, *others, *_people_of_one_photo(solved, model))
+    return (*reference_people, *others, *_people_of_one_photo(solved, model))
 
 
 def _people_of_one_photo(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
@@ -92,10 +92,10 @@ def _may_be_same(
     """
     known = solved.rows
     v, row = person
-    one, two = (solved.photos[view].people for view in (v, other))
+    first_people, second_people = (solved.photos[view].people for view in (v, other))
     in_both = known[(known[:, v] >= 0) & (known[:, other] >= 0), other]
     in_result = (
-        set(range(len(two)))
+        set(range(len(second_people)))
         if other == solved.reference
         else {r for w, r in accepted if w == other}
     )
@@ -103,8 +103,8 @@ def _may_be_same(
         j for j in in_result | set(known[known[:, other] >= 0, other].tolist()) if j not in in_both
     ]
     motion = solved.bundle.pose(other).after(solved.bundle.pose(v).inverse())
-    place = compare_places(one, two, motion)
-    return bool((place[row, candidates] < _SAME_PLACE).any())
+    place_cost = compare_places(first_people, second_people, motion)
+    return bool((place_cost[row, candidates] < _SAME_PLACE).any())
 
 
 def _parameters_alone(solved: SolvedScene, view: int, row: int, model: BodyModel) -> BodyParameters:

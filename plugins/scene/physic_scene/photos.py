@@ -123,7 +123,7 @@ def choose_photos(
         InputError: fewer than two different photos show people.
     """
     left = list(skipped)
-    kept: list[ScenePhoto] = []
+    kept_photos: list[ScenePhoto] = []
     first: dict[str, str] = {}  # digest of a photo -> its name
     for photo in photos:
         if not photo.rows:
@@ -131,17 +131,19 @@ def choose_photos(
         elif (twin := first.setdefault(photo.result.photo or photo.name, photo.name)) != photo.name:
             left.append(photo.skipped("same photo", f"it is the same picture as {twin}"))
         else:
-            kept.append(photo)
-    if len(kept) < 2:
-        rest = f"only {kept[0].name} is left" if kept else "none is left"
+            kept_photos.append(photo)
+    if len(kept_photos) < 2:
+        rest = f"only {kept_photos[0].name} is left" if kept_photos else "none is left"
         raise InputError(
             f"a moment needs two photos, and {rest}; {'; '.join(one.message for one in left)}: "
             "give two different photos that show the same people"
         )
-    people = [photo.people for photo in kept]
+    people = [photo.people for photo in kept_photos]
     matches = {
         (a, b): match_pair(people[a], people[b])
-        for a, b in itertools.combinations(range(len(kept)), 2)
+        for a, b in itertools.combinations(range(len(kept_photos)), 2)
     }
     rows = join_tracks(people, matches)
-    return ChosenPhotos(tuple(kept), rows, joined_matches(people, matches, rows), tuple(left))
+    return ChosenPhotos(
+        tuple(kept_photos), rows, joined_matches(people, matches, rows), tuple(left)
+    )

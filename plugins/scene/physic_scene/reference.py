@@ -180,13 +180,13 @@ def solve_reference(reference_input: ReferenceInput, config: Config) -> Reconstr
         "metric_depth": SolvedDepth.of(depth),
     }
     plan = resolve(plain, backends)
-    own = replace(plan, given_engine=with_other_views(plan.engine, reference_input.alone))
+    scene_plan = replace(plan, given_engine=with_other_views(plan.engine, reference_input.alone))
     prompt = None
     if config.photo.person or config.photo.box:
         prompt = PeoplePrompt(
             masks=np.stack([person.mask for person in reference_input.result.people])
         )
-    with Pipeline(own) as pipeline:
+    with Pipeline(scene_plan) as pipeline:
         result = pipeline(
             reference_input.result.image,
             intrinsics=reference_input.camera,
@@ -241,8 +241,8 @@ def _floors(solved: SolvedScene, model: BodyModel) -> tuple[Plane, Plane] | None
     photos = solved.photos
     ups = solved.observations.up
     known = np.flatnonzero(np.isfinite(ups).all(1))
-    own = photos[solved.reference].result.scene.floor
-    if own is None or len(known) < 2:
+    reference_floor = photos[solved.reference].result.scene.floor
+    if reference_floor is None or len(known) < 2:
         return None
     normal = np.median(np.einsum("vji,vj->vi", solved.bundle.rotation[known], ups[known]), axis=0)
     normal = normal / np.linalg.norm(normal)
@@ -259,7 +259,7 @@ def _floors(solved: SolvedScene, model: BodyModel) -> tuple[Plane, Plane] | None
     if offset <= 0:
         return None
     scale = float(scene_scales(solved)[solved.reference])
-    return replace(own, offset=own.offset * scale), Plane(normal, offset)
+    return replace(reference_floor, offset=reference_floor.offset * scale), Plane(normal, offset)
 
 
 def _height_alone(solved: SolvedScene, row: IntArray, known: IntArray) -> float:

@@ -40,24 +40,31 @@ def assemble(
         *checks_of_cameras(_solved_views(solved), solved.rows),
     )
     reconstruction = with_checks(reconstruction, checks)
-    moved = [
+    moved_notes = [
         f"a person of {names} moved between them; the result follows one of them"
         for names in solved.moved
     ]
     unseen = []
     for row, one in enumerate(everybody):
         if solved.reference not in one.row_by_photo:
-            own = reference.name
-            shown = ", ".join(photo.name for photo in photos if row in photo.shown)
+            reference_name = reference.name
+            photo_names = ", ".join(photo.name for photo in photos if row in photo.shown)
             unseen.append(
-                f"person {row} is in {shown} only: the checks of {own} do not cover this person"
+                f"person {row} is in {photo_names} only: the checks of {reference_name} do "
+                f"not cover this person"
             )
     shared = "1 person" if len(solved.rows) == 1 else f"{len(solved.rows)} people"
     first = f"cameras of {len(photos)} photos from {shared}; the frame is that of {reference.name}"
     return SceneResult(
         reconstruction=replace(
             reconstruction,
-            notes=(*reconstruction.notes, first, *_note_on_known_cameras(solved), *moved, *unseen),
+            notes=(
+                *reconstruction.notes,
+                first,
+                *_note_on_known_cameras(solved),
+                *moved_notes,
+                *unseen,
+            ),
             warnings=(*reconstruction.warnings, *(one.message for one in solved.left_out)),
         ),
         reference=reference.index,
@@ -98,12 +105,12 @@ def _photos(
     solved_photos = []
     for v, photo in enumerate(solved.photos):
         errors = solved.errors[v][np.isfinite(solved.errors[v])]
-        own = v == solved.reference
-        pose = CameraPose.identity() if own else solved.bundle.pose(v)
+        is_reference = v == solved.reference
+        pose = CameraPose.identity() if is_reference else solved.bundle.pose(v)
         camera = SceneCamera(
             pose.rotation,
             pose.translation,
-            reconstruction.intrinsics if own else solved.intrinsics[v],
+            reconstruction.intrinsics if is_reference else solved.intrinsics[v],
             float(solved.rotation_sigma[v]),
             float(solved.position_sigma[v]),
         )

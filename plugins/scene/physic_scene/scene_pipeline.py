@@ -112,13 +112,13 @@ class ScenePipeline:
         stature = known.stature if len(known.stature) == 1 else ()
         others = KnownSizes(stature=stature, age=known.age)
         calibrated = [None] * len(photos) if cameras is None else list(cameras)
-        own = [{}] * len(photos) if settings is None else settings
+        photo_settings = [{}] * len(photos) if settings is None else settings
         results = [
             self.reconstruct_photo(
                 photo,
                 camera=camera,
                 known=(others if i else known) or None,
-                settings=own[i],
+                settings=photo_settings[i],
                 progress=progress,
             )
             for i, (photo, camera) in enumerate(zip(photos, calibrated, strict=True))
@@ -153,14 +153,19 @@ class ScenePipeline:
         Raises:
             PhysicError: the photo cannot be reconstructed.
         """
-        own = None if camera is None else camera.lens.intrinsics
+        camera_intrinsics = None if camera is None else camera.lens.intrinsics
         values = dict(settings or {})
-        if camera is not None and own is not None and any(camera.lens.distortion):
-            values["intrinsics"] = [own.fx, own.fy, own.cx, own.cy]
+        if camera is not None and camera_intrinsics is not None and any(camera.lens.distortion):
+            values["intrinsics"] = [
+                camera_intrinsics.fx,
+                camera_intrinsics.fy,
+                camera_intrinsics.cx,
+                camera_intrinsics.cy,
+            ]
             values["distortion"] = list(camera.lens.distortion)
         try:
             return self._pipeline(
-                photo, intrinsics=own, known=known, settings=values, progress=progress
+                photo, intrinsics=camera_intrinsics, known=known, settings=values, progress=progress
             )
         except NoPersonError:
             return None

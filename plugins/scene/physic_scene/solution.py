@@ -97,7 +97,7 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
     Raises:
         InputError: no two photos fit each other.
     """
-    moved: list[str] = []
+    moved_people: list[str] = []
     while True:
         adjusted = _adjust(chosen)
         bad = adjusted.errors > _MOST_OFF
@@ -111,15 +111,15 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
         if view is not None:
             why = "its people are in other places or poses than in the other photos"
             chosen = chosen.without(view, "does not fit", why)
-            moved = []
+            moved_people = []
         elif bad.any() and len(chosen.rows) > 1:
             worst = int(np.argmax(bad.sum(0) + np.nanmax(adjusted.errors, axis=0)))
-            moved.append(
+            moved_people.append(
                 ", ".join(chosen.photos[v].name for v in np.flatnonzero(chosen.rows[worst] >= 0))
             )
             chosen = replace(chosen, rows=np.delete(chosen.rows, worst, axis=0))
         else:
-            return _solved_scene(chosen, moved, adjusted, model)
+            return _solved_scene(chosen, moved_people, adjusted, model)
 
 
 @dataclass(frozen=True)
@@ -148,11 +148,11 @@ def _solved_scene(
     statures = sizes = known_statures(people, rows)
     if observations.camera_is_known.any():
         factor = sizes_by_cameras(observations, [bundle.pose(v) for v in range(len(photos))])
-        alone = [
+        mean_statures = [
             np.mean([people[v].stature[row[v]] for v in np.flatnonzero(row >= 0)]) for row in rows
         ]
-        sizes = np.where(np.isfinite(statures), statures, factor * alone)
-    own = np.arange(len(photos)) == adjustment.reference
+        sizes = np.where(np.isfinite(statures), statures, factor * mean_statures)
+    is_reference = np.arange(len(photos)) == adjustment.reference
     return SolvedScene(
         photos=photos,
         left_out=chosen.left_out,
@@ -167,8 +167,8 @@ def _solved_scene(
             )
             for v, photo in enumerate(photos)
         ),
-        rotation_sigma=np.where(own, 0.0, sigmas[:, 0]),
-        position_sigma=np.where(own, 0.0, sigmas[:, 1]),
+        rotation_sigma=np.where(is_reference, 0.0, sigmas[:, 0]),
+        position_sigma=np.where(is_reference, 0.0, sigmas[:, 1]),
         bodies=mean_bodies(people, rows, observations, bundle, model, sizes),
         errors=adjustment.errors,
         statures=statures,
@@ -207,14 +207,14 @@ def _scale_by_sizes(observations: MomentObservations, bundle: Bundle) -> tuple[f
     if observations.camera_is_known.any():
         return 1.0, 0.0
     size = np.log(_spread(observations.landmarks))
-    alone = np.nanmean(np.where(observations.shown, size, np.nan), axis=0)
-    factor = np.exp(alone) / _spread(bundle.points)
+    log_size = np.nanmean(np.where(observations.shown, size, np.nan), axis=0)
+    factor = np.exp(log_size) / _spread(bundle.points)
     known = np.isfinite(observations.bone_sigma)
-    unknown = np.full(len(alone), np.nan)
+    unknown = np.full(len(log_size), np.nan)
     voters = np.where(known, factor, np.nan) if known.any() else factor
     sigma = np.where(known, _KNOWN_BONE, stature_sigmas(unknown, unknown))
     vote = vote_on_scale(
-        [Witnesses(voters, unknown, sigma, np.full(len(alone), _SURE), shared_sigma=0.0)]
+        [Witnesses(voters, unknown, sigma, np.full(len(log_size), _SURE), shared_sigma=0.0)]
     )
     assert vote is not None
     assert vote.scale.sigma is not None
@@ -319,9 +319,9 @@ def _with_known_sizes(
         return replace(observations, landmarks=landmarks * size[..., None], bone_m=bone_m * size)
     known = known_statures(people, rows)
     for p in np.flatnonzero(np.isfinite(known)).tolist():
-        shown = np.flatnonzero(rows[p] >= 0)
-        estimated = np.array([people[v].stature[rows[p, v]] for v in shown.tolist()])
+        photos_of_person = np.flatnonzero(rows[p] >= 0)
+        estimated = np.array([people[v].stature[rows[p, v]] for v in photos_of_person.tolist()])
         bone_m[p] *= known[p] / estimated.mean()
-        landmarks[shown, p] *= (known[p] / estimated)[:, None, None]
+        landmarks[photos_of_person, p] *= (known[p] / estimated)[:, None, None]
         sigma[p] = _KNOWN_BONE
     return replace(observations, landmarks=landmarks, bone_m=bone_m, bone_sigma=sigma)

@@ -63,21 +63,23 @@ def sizes_by_cameras(observations: MomentObservations, poses: Sequence[CameraPos
     Raises:
         InputError: the poses are not in metres, by the sizes of the people.
     """
-    own = np.flatnonzero(observations.camera_is_known)
+    known_cameras = np.flatnonzero(observations.camera_is_known)
     factor = np.full(observations.shown.shape[1], np.nan)
     for p in range(len(factor)):
-        confidence = observations.confidence[own, p]
+        confidence = observations.confidence[known_cameras, p]
         weight = np.where(
-            confidence > _SEEN, (confidence / observations.size_px[own, p][:, None]) ** 2, 0
+            confidence > _SEEN,
+            (confidence / observations.size_px[known_cameras, p][:, None]) ** 2,
+            0,
         )
-        at = triangulate(
-            observations.points[own, p],
+        triangulated = triangulate(
+            observations.points[known_cameras, p],
             weight,
-            observations.K[own],
-            [poses[v] for v in own.tolist()],
+            observations.K[known_cameras],
+            [poses[v] for v in known_cameras.tolist()],
         )
         a, b = observations.bones.T
-        ratio = np.linalg.norm(at[a] - at[b], axis=1) / observations.bone_m[p]
+        ratio = np.linalg.norm(triangulated[a] - triangulated[b], axis=1) / observations.bone_m[p]
         if np.isfinite(ratio).sum() >= _FEWEST:
             factor[p] = np.exp(np.nanmedian(np.log(ratio)))
     every = float(np.nanmedian(factor)) if np.isfinite(factor).any() else 1.0

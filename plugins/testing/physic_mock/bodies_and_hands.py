@@ -162,13 +162,17 @@ def _noisy_translations(
     along = np.sqrt(DISTANCE_SHARE) * common + np.sqrt(1 - DISTANCE_SHARE) * of_person
     across = rng.normal(size=(len(pelvis), 2))
     farther = noise.factor * options.depth_noise * along + _log_statures(noise, options)
-    moved = pelvis * np.exp(farther)[:, None]
+    noisy_pelvis = pelvis * np.exp(farther)[:, None]
     if noise.factor:
-        moved *= [1.0, 1.0, camera.fx / world.intrinsics.fx]  # the same pixel of the other camera
-    moved *= _estimated_shapes(noise)[1][:, None]
+        noisy_pelvis *= [
+            1.0,
+            1.0,
+            camera.fx / world.intrinsics.fx,
+        ]  # the same pixel of the other camera
+    noisy_pelvis *= _estimated_shapes(noise)[1][:, None]
     for i, point in enumerate(pelvis):
-        moved[i] += noise.factor * LATERAL_M * across[i] @ _line_of_sight_axes(point)[:2]
-    placed: FloatArray = (world.parameters.transl + moved - pelvis).astype(np.float32)
+        noisy_pelvis[i] += noise.factor * LATERAL_M * across[i] @ _line_of_sight_axes(point)[:2]
+    placed: FloatArray = (world.parameters.transl + noisy_pelvis - pelvis).astype(np.float32)
     return placed
 
 

@@ -83,7 +83,9 @@ def _fixed_parts(world: World, bodies: Bodies) -> FloatArray:
     if is_observed is None:
         is_observed = np.ones((count, len(JOINT_INDEX)), bool)
     for name, (value, joints) in _FIXED_PARTS.items():
-        shown = is_observed[:, [JOINT_INDEX[joint] for joint in joints]].any(1)
-        part = np.ix_(shown & bent if name in _SEAT else shown, model.contact_sets[name].numpy())
+        is_shown = is_observed[:, [JOINT_INDEX[joint] for joint in joints]].any(1)
+        part = np.ix_(
+            is_shown & bent if name in _SEAT else is_shown, model.contact_sets[name].numpy()
+        )
         probability[part] = np.maximum(probability[part], value)
     return probability

@@ -72,12 +72,14 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         size = (boxes[:, 2:] - boxes[:, :2]).max(axis=1)[:, None]
         sigma = noise.factor * np.where(visible, POINT_SIGMA, HIDDEN_POINT_SIGMA) * size
         points = truth + sigma[..., None] * _limb_errors(rng.normal(size=truth.shape), noise, names)
-        sure = rng.uniform(0.85, 0.98, visible.shape)
-        unsure = rng.uniform(0.5, 1.5, visible.shape)
+        high_confidence = rng.uniform(0.85, 0.98, visible.shape)
+        low_confidence = rng.uniform(0.5, 1.5, visible.shape)
         missed = noise.draw_is_below("unsure", noise.rng("unsure keypoints").random(visible.shape))
         bold = noise.draw_is_below("overconfident", rng.random(visible.shape))
         looks_sure = np.where(visible, ~missed, bold)
-        confidence = np.where(looks_sure, sure, np.minimum(unsure * HIDDEN_CONFIDENCE, 1.0))
+        confidence = np.where(
+            looks_sure, high_confidence, np.minimum(low_confidence * HIDDEN_CONFIDENCE, 1.0)
+        )
         swaps = noise.draw_is_below("swapped sides", rng.random((len(truth), 2)))
         for person, k in np.argwhere(swaps):
             order = _swap_sides_order(names, (_ARM, _LEG)[k])

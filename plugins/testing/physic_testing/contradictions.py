@@ -100,31 +100,33 @@ def _of_checks(result: Reconstruction, person: Person) -> Iterator[str]:
 
 def _of_contacts(result: Reconstruction, person: Person) -> Iterator[str]:
     """Yield contacts with what is not there, with themselves, and of one side alone."""
-    index = next(i for i, one in enumerate(result.people) if one is person)
-    likely = [one for one in person.contacts if one.likely]
-    for one in person.contacts:
-        text = f"{one.part} on {one.partner.title}"
-        kind = one.partner.kind
+    index = next(i for i, contact in enumerate(result.people) if contact is person)
+    likely_contacts = [contact for contact in person.contacts if contact.likely]
+    for contact in person.contacts:
+        text = f"{contact.part} on {contact.partner.title}"
+        kind = contact.partner.kind
         if kind == "floor" and result.scene.floor is None:
             yield f"touches a floor that is not found: {text}"
-        if kind == "self" and one.partner.part == one.part:
+        if kind == "self" and contact.partner.part == contact.part:
             yield f"touches a part with itself: {text}"
-        if one.assumed and "_" in one.part and one.part not in person.unseen:
+        if contact.assumed and "_" in contact.part and contact.part not in person.unseen:
             yield f"has an assumed contact of a part that is seen: {text}"
-        if not one.assumed and one.part in person.unseen:
+        if not contact.assumed and contact.part in person.unseen:
             yield f"has a contact of an unseen part that is not called assumed: {text}"
-        if kind == "person" and one.partner.person not in {*range(len(result.people))} - {index}:
+        if kind == "person" and contact.partner.person not in {*range(len(result.people))} - {
+            index
+        }:
             yield f"touches a person who is not there: {text}"
-        elif kind == "person" and one.likely and not _is_returned(result, index, one):
+        elif kind == "person" and contact.likely and not _is_returned(result, index, contact):
             yield f"touches a person without being touched back: {text}"
-    pairs = [(one.part, one.partner) for one in person.contacts]
+    pairs = [(contact.part, contact.partner) for contact in person.contacts]
     if len({*pairs}) < len(pairs):
         yield "has a contact twice"
     for part, probability in (person.world_contact or {}).items():
         listed = [
-            one.probability or 0.0
-            for one in likely
-            if one.part == part and one.partner.kind in _WORLD
+            contact.probability or 0.0
+            for contact in likely_contacts
+            if contact.part == part and contact.partner.kind in _WORLD
         ]
         if listed and max(listed) > probability + _ROUNDING:
             yield f"touches the world with {part} by {max(listed):.2f}, and by {probability:.2f}"
@@ -146,21 +148,23 @@ def _of_support(result: Reconstruction, person: Person) -> Iterator[str]:
     support = person.support
     if support is None:
         return
-    on_world = [one for one in person.contacts if one.likely and one.partner.kind in _WORLD]
+    on_world = [
+        contact for contact in person.contacts if contact.likely and contact.partner.kind in _WORLD
+    ]
     if support.state is SupportState.AIRBORNE and on_world:
         yield f"is in the air, and touches {on_world[0]}"
     floats = support.state in (SupportState.UNBALANCED, SupportState.AIRBORNE)
     if not floats and not support.contacts:
         yield f"is {support.state} by no contact"
-    listed = {(one.part, one.partner) for one in person.contacts}
-    for one in support.contacts if person.world_contact else ():
-        if one.partner.kind != "hidden" and (one.part, one.partner) not in listed:
-            yield f"is carried by a contact that is not listed: {one}"
+    listed = {(contact.part, contact.partner) for contact in person.contacts}
+    for contact in support.contacts if person.world_contact else ():
+        if contact.partner.kind != "hidden" and (contact.part, contact.partner) not in listed:
+            yield f"is carried by a contact that is not listed: {contact}"
     gap = person.measures.clearance_m or 0.0
     near = [
-        one
-        for one in on_world
-        if one.partner.in_scene and one.distance_m is None and not one.assumed
+        contact
+        for contact in on_world
+        if contact.partner.in_scene and contact.distance_m is None and not contact.assumed
     ]
     if gap > 0.1 and near and "support" in person.failed_checks:
         yield f"is {gap:.2f} m off any surface, and touches {near[0]}"

@@ -130,9 +130,9 @@ def tiles_beside(
             for side in person.carrying_feet
             if side not in person.feet_on_floor
         ]
-    kept = tiles_without(tiles, bodies)
-    left_out = len(tiles) - len(kept)
-    return kept + steps, (
+    free_tiles = tiles_without(tiles, bodies)
+    left_out = len(tiles) - len(free_tiles)
+    return free_tiles + steps, (
         f"{left_out} convex tiles of the scene reach into people and are left out",
     ) if left_out else ()
 
@@ -263,8 +263,8 @@ def _turned_about_ankles(
     rotations[0] = turn @ rotations[0]
     offsets[0] = pivot + turn @ (offsets[0] - pivot)
     for ankle in ankles:
-        above = world[rig.parents[ankle], :3, :3]
-        rotations[ankle] = (turn @ above).T @ above @ rotations[ankle]
+        parent_rotation = world[rig.parents[ankle], :3, :3]
+        rotations[ankle] = (turn @ parent_rotation).T @ parent_rotation @ rotations[ankle]
     return replace(rig, rotations=rotations, offsets=offsets)
 
 

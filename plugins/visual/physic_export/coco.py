@@ -55,7 +55,7 @@ def export_coco(request: ExportRequest) -> ExportedFiles:
     width, height = result.file_size or result.image.shape[1::-1]
     names = [name.removesuffix("_surface") for name in skeleton_named(result.skeleton).names]
     pixels = _image_pixels(result, width, height)
-    shown = [(index, person) for index, person in request.chosen() if person.mask.any()]
+    visible_people = [(index, person) for index, person in request.chosen() if person.mask.any()]
     document = {
         "info": {"description": "PhySIC"},
         "images": [{"id": 1, "file_name": result.photo_name, "width": width, "height": height}],
@@ -68,12 +68,14 @@ def export_coco(request: ExportRequest) -> ExportedFiles:
                 "skeleton": skeleton_links(names),
             }
         ],
-        "annotations": [_annotation(result, index, person, pixels) for index, person in shown],
+        "annotations": [
+            _annotation(result, index, person, pixels) for index, person in visible_people
+        ],
     }
     notes = [
         f"person {index} is not in the photo and is left out"
         for index in request.person
-        if index not in dict(shown)
+        if index not in dict(visible_people)
     ]
     if not result.photo_name:
         notes.append("the photo had no file: set file_name of the image")
@@ -148,11 +150,11 @@ def _image_pixels(result: Reconstruction, width: int, height: int) -> tuple[IntA
     camera = result.intrinsics
     distorted = np.stack(np.broadcast_arrays(columns, rows), -1).reshape(-1, 2)
     x, y = undistort_pixels(distorted.astype(np.float64), original, result.lens.distortion).T
-    at = (
+    image_positions = (
         (y - original.cy) / original.fy * camera.fy + camera.cy,
         (x - original.cx) / original.fx * camera.fx + camera.cx,
     )
-    pixels = [np.rint(values).astype(np.int64).reshape(height, width) for values in at]
+    pixels = [np.rint(values).astype(np.int64).reshape(height, width) for values in image_positions]
     return pixels[0], pixels[1]
 
 

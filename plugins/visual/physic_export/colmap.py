@@ -69,9 +69,9 @@ def export_colmap(request: ExportRequest) -> ExportedFiles:
         )
     result = request.result
     people = pixels_of_people(result)
-    shown = result.scene.valid & np.isfinite(result.scene.points).all(-1) & ~people
-    step = max(1, math.ceil(math.sqrt(shown.sum() / _MAX_POINTS)))
-    rows, columns = (step * places for places in np.nonzero(shown[::step, ::step]))
+    is_exported = result.scene.valid & np.isfinite(result.scene.points).all(-1) & ~people
+    step = max(1, math.ceil(math.sqrt(is_exported.sum() / _MAX_POINTS)))
+    rows, columns = (step * places for places in np.nonzero(is_exported[::step, ::step]))
     points = transform_points(
         request.frame.from_camera, result.scene.points[rows, columns].astype(np.float64)
     )
@@ -85,7 +85,7 @@ def export_colmap(request: ExportRequest) -> ExportedFiles:
         f"masks/{_PHOTO}.png": mask_picture(~people),
     }
     files |= {str(stem.parent / name): content for name, content in model.items()}
-    note = f"{len(points)} points of {int(shown.sum())} pixels that show the scene"
+    note = f"{len(points)} points of {int(is_exported.sum())} pixels that show the scene"
     return ExportedFiles(files, (note,))
 
 

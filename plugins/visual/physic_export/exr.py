@@ -62,9 +62,13 @@ def _with_people(depth: FloatArray, request: ExportRequest) -> tuple[FloatArray,
         body = person.vertices.astype(np.float64)
         points = torch.from_numpy(body)[None]
         faces = torch.from_numpy(request.result.faces)
-        shown = rasterize(project(points, K), points[..., 2], faces, height, width)[0].numpy()
-        is_visible = shown >= 0
-        first, second, third = np.moveaxis(body[request.result.faces[shown[is_visible]]], 1, 0)
+        face_of_pixel = rasterize(project(points, K), points[..., 2], faces, height, width)[
+            0
+        ].numpy()
+        is_visible = face_of_pixel >= 0
+        first, second, third = np.moveaxis(
+            body[request.result.faces[face_of_pixel[is_visible]]], 1, 0
+        )
         normal = np.cross(second - first, third - first)
         # where the ray of the pixel meets the plane of the face
         z = (normal * first).sum(1) / (normal * rays[is_visible]).sum(1)

@@ -119,9 +119,9 @@ def add_animation(
 
     for joints, poses in skeletons:
         quaternions = rotmat_to_quat(np.stack([pose.rotations for pose in poses]))
-        places = np.stack([pose.offsets for pose in poses], 1)
+        positions = np.stack([pose.offsets for pose in poses], 1)
         for joint, node in enumerate(joints):
             add(node, "rotation", quaternions[:, joint])
-            if not joint or np.ptp(places[joint], axis=0).any():
-                add(node, "translation", places[joint])
+            if not joint or np.ptp(positions[joint], axis=0).any():
+                add(node, "translation", positions[joint])
     glb.add("animations", {"name": "pose", "samplers": samplers, "channels": channels})

@@ -247,15 +247,15 @@ def body_segments(rig: Rig, vertices: Float64Array, ground: Mapping[str, float])
     segments = []
     for joint, name in enumerate(JOINT_NAMES[:NUM_BODIES]):
         pose, zero, hinges = _joint(rig, poses, joint)
-        place = poses[joint][:3, 3]
+        position = poses[joint][:3, 3]
         turn = poses[joint][:3, :3]
-        local = (vertices - place) @ turn
+        local = (vertices - position) @ turn
         used, faces = np.unique(rig.faces[owner == joint], return_inverse=True)
         soles = np.zeros((0, 3))
         if name.endswith(("ankle", "foot")) or lowest[joint] < FLAT_M:
             level = _sole_level(name, lowest, ground)
             soles = _soles(local[part == joint], poses[joint][2, :3], lowest[joint] - level)
-        hull = (hulls[joint][0] - place) @ turn, hulls[joint][1]
+        hull = (hulls[joint][0] - position) @ turn, hulls[joint][1]
         capsule = _capsule(name, local[part == joint], poses, joint)
         skin = local[used], faces.reshape(-1, 3)
         segments.append(
@@ -305,16 +305,16 @@ def _hinges(name: str, rotation: Float64Array) -> tuple[tuple[Hinge, ...], Float
 
     rest = turn(len(limits))
     hinges = []
-    for place, (axis, low, high) in enumerate(limits):
+    for axis_number, (axis, low, high) in enumerate(limits):
         direction = np.eye(3)["xyz".index(axis)]
-        angle = float(angles[place])
+        angle = float(angles[axis_number])
         bounds = np.deg2rad([low, high])
         if side == "right" and axis != "x":
             bounds = -bounds[::-1]
         low = min(bounds[0], angle) - 1e-6
         high = max(bounds[1], angle) + 1e-6
         hinges.append(
-            Hinge(axis, angle, low, high, turn(place + 1).T @ direction, rest.T @ direction)
+            Hinge(axis, angle, low, high, turn(axis_number + 1).T @ direction, rest.T @ direction)
         )
     return tuple(hinges), rest
 
@@ -399,11 +399,11 @@ def _soles(points: Float64Array, up: Float64Array, drop: float) -> Float64Array:
     level = points[sole] - (height[sole] - height.min() + drop - SOLE_RADIUS_M)[:, None] * up
     flat = level @ np.linalg.svd(up[None])[2][1:].T
     outline: Float64Array = level[ConvexHull(flat).vertices]
-    kept = [0]
-    while len(kept) < min(_SOLE_POINTS, len(outline)):
-        apart = np.linalg.norm(outline[:, None] - outline[kept], axis=2).min(1)
-        kept.append(int(apart.argmax()))
-    return outline[kept]
+    kept_rows = [0]
+    while len(kept_rows) < min(_SOLE_POINTS, len(outline)):
+        apart = np.linalg.norm(outline[:, None] - outline[kept_rows], axis=2).min(1)
+        kept_rows.append(int(apart.argmax()))
+    return outline[kept_rows]
 
 
 def _volume(vertices: Float64Array, faces: Int64Array) -> float:

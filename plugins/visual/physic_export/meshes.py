@@ -257,17 +257,19 @@ def export_obj(request: ExportRequest) -> ExportedFiles:
         *(f"# contact: {line}\n" for line in contact_lines(request.result, skins)),
         f"mtllib {request.stem}.mtl\n",
     ]
-    at = (1, 1)
+    next_indices = (1, 1)
     if scene is not None and scene.uv is not None:
         files[f"{request.stem}_scene.jpg"] = encode_image(request.result.scene.colors, "JPEG")
-        at = _append_object(text, scene, "scene", scene.uv, scene.faces, at)
+        next_indices = _append_object(text, scene, "scene", scene.uv, scene.faces, next_indices)
     for mesh in person_meshes(request, skins):
         uv = np.zeros((0, 2))
         corners = None
         if skins.mesh is not None:
             uv = skins.mesh.uv.astype(np.float64)
             corners = skins.mesh.faces
-        at = _append_object(text, mesh, f"{mesh.name}_{skins.kind}", uv, corners, at)
+        next_indices = _append_object(
+            text, mesh, f"{mesh.name}_{skins.kind}", uv, corners, next_indices
+        )
     files[f"{request.stem}.mtl"] = _materials(request, skins, scene is not None).encode("ascii")
     return ExportedFiles(
         {f"{request.stem}{request.suffix}": "".join(text).encode("ascii"), **files}, skins.notes

@@ -111,15 +111,15 @@ def _add_humanoid(
     Returns:
         Hinge -> its angle in the T-pose, radians.
     """
-    mass = sum(one.mass for one in segments)
+    mass = sum(each_segment.mass for each_segment in segments)
     bodies: list[Element] = []
     resting = {}
     for segment in segments:
         body_name = name if segment.parent < 0 else f"{name}_{segment.name}"
         quaternion = rotmat_to_quat(segment.pose[:3, :3])[[3, 0, 1, 2]]
-        above = file.world if segment.parent < 0 else bodies[segment.parent]
-        place = {"pos": number_text(segment.pose[:3, 3]), "quat": number_text(quaternion, 8)}
-        body = SubElement(above, "body", {"name": body_name} | place)
+        parent = file.world if segment.parent < 0 else bodies[segment.parent]
+        pose = {"pos": number_text(segment.pose[:3, 3]), "quat": number_text(quaternion, 8)}
+        body = SubElement(parent, "body", {"name": body_name} | pose)
         bodies.append(body)
         _add_inertia(body, segment.mass, *inertia_of(segment.hull, segment.mass))
         if segment.parent < 0:

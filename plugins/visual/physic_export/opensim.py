@@ -103,12 +103,12 @@ def _coordinates(person: Person, frame: ExportFrame) -> dict[str, float]:
     pelvis = segment_axes(frame.from_camera[:3, :3] @ turn)
     hips = transform_points(frame.from_camera, person.joints[1:3]).mean(0)
     turns = np.degrees(rotmat_to_euler("ZXY", pelvis))
-    place = hips + pelvis @ _PELVIS_FROM_HIPS_M
+    pelvis_position = hips + pelvis @ _PELVIS_FROM_HIPS_M
     angles = person.joint_angles
     sides = {"r": "right", "l": "left"}
     return (
         dict(zip(("pelvis_tilt", "pelvis_list", "pelvis_rotation"), turns.tolist(), strict=True))
-        | dict(zip(("pelvis_tx", "pelvis_ty", "pelvis_tz"), place.tolist(), strict=True))
+        | dict(zip(("pelvis_tx", "pelvis_ty", "pelvis_tz"), pelvis_position.tolist(), strict=True))
         | {name: sign * angles[angle] for name, (angle, sign) in _TRUNK.items()}
         | {
             f"{name}_{letter}": sign * angles[f"{side}_{angle}"]

@@ -123,7 +123,7 @@ def tiles_without(tiles: Sequence[Tile], bodies: Sequence[Float64Array]) -> list
     Points of either are sought in the other: a tile can be smaller than a body.
     """
     hulls = [(points, ConvexHull(points).equations) for points in bodies]
-    kept = []
+    free_tiles = []
     for tile in tiles:
         facets = ConvexHull(tile.vertices).equations
         points = np.concatenate(
@@ -140,8 +140,8 @@ def tiles_without(tiles: Sequence[Tile], bodies: Sequence[Float64Array]) -> list
             max(_depth_inside(points, planes), _depth_inside(body, facets)) <= PRESSED_M
             for body, planes in near
         ):
-            kept.append(tile)
-    return kept
+            free_tiles.append(tile)
+    return free_tiles
 
 
 def overlapping_bodies(
@@ -281,19 +281,19 @@ def _depth_to_skin(
 
     Skin that a body presses into the patch from its front faces along the axis, and does not count.
     """
-    middle = points.mean(0)
-    reach = float(np.linalg.norm(points - middle, axis=1).max()) + THICKNESS_M
-    near = np.asarray(tree.query_ball_point(middle, reach), np.int64)
+    center = points.mean(0)
+    reach = float(np.linalg.norm(points - center, axis=1).max()) + THICKNESS_M
+    near = np.asarray(tree.query_ball_point(center, reach), np.int64)
     near = near[(normals[near] @ axis) < 0]
-    depth = (skin[near] - middle) @ axis
+    depth = (skin[near] - center) @ axis
     near = near[depth > 0]
     depth = depth[depth > 0]
     across = np.linalg.svd(axis[None])[2][1:].T
     try:
-        edges = ConvexHull((points - middle) @ across).equations
+        edges = ConvexHull((points - center) @ across).equations
     except QhullError:  # all points on one line
         return math.inf
-    inside = (edges[:, :2] @ ((skin[near] - middle) @ across).T + edges[:, 2:]).max(
+    inside = (edges[:, :2] @ ((skin[near] - center) @ across).T + edges[:, 2:]).max(
         0, initial=-math.inf
     ) < 0
     return float(depth[inside].min(initial=math.inf))

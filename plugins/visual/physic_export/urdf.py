@@ -169,8 +169,8 @@ def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
     robot = _Robot(stem, _root(name, collides=False))
     mass = sum(one.mass for one in segments)
     for segment in segments:
-        above = segments[segment.parent].name
-        place = segment.zero_pose
+        parent_name = segments[segment.parent].name
+        pose = segment.zero_pose
         for number, hinge in enumerate(segment.hinges, 1):
             joint = SubElement(
                 robot.root, "joint", name=f"{segment.name}_{hinge.axis}", type="revolute"
@@ -180,9 +180,9 @@ def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
                 if number == len(segment.hinges)
                 else f"{segment.name}_after_{hinge.axis}"
             )
-            SubElement(joint, "parent", link=above)
+            SubElement(joint, "parent", link=parent_name)
             SubElement(joint, "child", link=below)
-            SubElement(joint, "origin", _origin(place))
+            SubElement(joint, "origin", _origin(pose))
             SubElement(joint, "axis", xyz=number_text(hinge.axis_at_rest, 8))
             limits = {
                 "lower": f"{hinge.low:.6f}",
@@ -193,8 +193,8 @@ def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
             if below != segment.name:
                 link = SubElement(robot.root, "link", name=below)
                 _add_inertia(link, _SMALL_KG, np.zeros(3), np.eye(3) * _SMALL_KG_M2)
-            above = below
-            place = np.eye(4)
+            parent_name = below
+            pose = np.eye(4)
         _add_link(robot, segment)
     return robot
 

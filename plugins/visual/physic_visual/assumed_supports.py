@@ -85,9 +85,9 @@ def _slab(vertices: Float64Array, normals: Float64Array, up: Float64Array) -> Fl
     axis = up if is_level else beside / np.linalg.norm(beside)
     first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
     plane = np.stack([first / np.linalg.norm(first), np.cross(axis, first) / np.linalg.norm(first)])
-    middle, size, angle = cv2.minAreaRect((vertices @ plane.T).astype(np.float32))
+    center, size, angle = cv2.minAreaRect((vertices @ plane.T).astype(np.float32))
     corners = (
-        cv2.boxPoints((middle, (size[0] + 2 * _MARGIN_M, size[1] + 2 * _MARGIN_M), angle)) @ plane
+        cv2.boxPoints((center, (size[0] + 2 * _MARGIN_M, size[1] + 2 * _MARGIN_M), angle)) @ plane
     )
     # Around a bar, skin faces every way.
     side = int(facing @ axis > _LEVEL) - int(facing @ axis < -_LEVEL)

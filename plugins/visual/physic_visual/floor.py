@@ -50,9 +50,9 @@ def floor_rectangles(
     low = outline.min(0)
     cell = max(_CELL_M, float(np.ptp(outline, axis=0).max()) / _MAX_CELLS)
     first, second, third = (np.abs(scene[:, up]) < _NEAR_M)[surface.faces.T]
-    places = (scene[:, plan] - low) / cell
+    cell_positions = (scene[:, plan] - low) / cell
     free = _free_squares(
-        (outline - low) / cell, _samples(places, surface.faces[first & second & third])
+        (outline - low) / cell, _samples(cell_positions, surface.faces[first & second & third])
     )
     spots = _rectangles(free)
     vertices = np.zeros((4 * len(spots), 3))

@@ -438,10 +438,10 @@ def _add_scene(glb: GlbBuilder, request: ExportRequest) -> list[int]:
     for name, mesh in meshes.items():
         if len(mesh.faces):
             vertices = transform_points(request.frame.from_camera, mesh.vertices).astype(np.float32)
-            places = ((mesh.pixels + 0.5) / colors.shape[1::-1]).astype(np.float32)
+            uv = ((mesh.pixels + 0.5) / colors.shape[1::-1]).astype(np.float32)
             # From outside, the backdrop must not hide what is before it.
             look = Appearance(photo | {"name": name, "doubleSided": mesh is surface})
-            primitives = _primitives_in_parts(glb, vertices, places, mesh.faces, look)
+            primitives = _primitives_in_parts(glb, vertices, uv, mesh.faces, look)
             entry = glb.add("meshes", {"name": name, "primitives": primitives})
             nodes.append(glb.add("nodes", {"name": name, "mesh": entry}))
     if len(backdrop.faces):
@@ -509,17 +509,17 @@ def _add_assumed(glb: GlbBuilder, request: ExportRequest) -> list[int]:
     """
     look = Appearance(_glass("assumed", CONTACT_PALETTE["something hidden"], _ASSUMED_OPACITY))
     nodes = []
-    for one in assumed_supports(request.result):
-        if one.person in request.person:
-            corners = transform_points(request.frame.from_camera, one.vertices)[SLAB_FACES].reshape(
-                -1, 3
-            )
+    for support in assumed_supports(request.result):
+        if support.person in request.person:
+            corners = transform_points(request.frame.from_camera, support.vertices)[
+                SLAB_FACES
+            ].reshape(-1, 3)
             triangles = np.arange(len(corners)).reshape(-1, 3)
             attributes = {
                 "POSITION": glb.add_accessor(corners.astype(np.float32), ARRAY, with_bounds=True),
                 "NORMAL": glb.add_accessor(unit_normals(corners, triangles), ARRAY),
             }
-            name = f"{one.name.replace(' ', '_')}_of_person_{one.person}"
+            name = f"{support.name.replace(' ', '_')}_of_person_{support.person}"
             nodes.append(_add_mesh(glb, name, attributes, triangles, look))
     return nodes
 

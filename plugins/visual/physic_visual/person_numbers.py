@@ -68,16 +68,16 @@ def draw_numbers(
         occupied_boxes: boxes x0, y0, x1, y1 in the picture that stay free.
     """
     used = list(occupied_boxes)
-    for index, place in centers.items():
+    for index, center in centers.items():
         x, y = (
-            float(np.clip(value, _DISC_PX, most - _DISC_PX))
-            for value, most in zip(place, size, strict=True)
+            float(np.clip(value, _DISC_PX, side - _DISC_PX))
+            for value, side in zip(center, size, strict=True)
         )
         spots = [(x + column * _DISC_PX, y + row * _DISC_PX) for column, row in _STEPS]
         inside = [
             spot
             for spot in spots
-            if all(_DISC_PX <= at <= most - _DISC_PX for at, most in zip(spot, size, strict=True))
+            if all(_DISC_PX <= at <= side - _DISC_PX for at, side in zip(spot, size, strict=True))
         ]
         x, y = next(
             (spot for spot in inside if not any(_overlaps_box(spot, box) for box in used)), (x, y)

@@ -166,9 +166,9 @@ def _draw_person(
     draw_text(pen, (x + 32, y + 12), "  ·  ".join(facts), 16, INK_RGB, "lm")
     figures = render_contact_views(reconstruction, index, _CELL, _FIGURE - 8)
     page.paste(Image.fromarray(figures), (x, y + _CAPTION))
-    for place, name in enumerate(CONTACT_VIEWS):
-        middle = x + (place + 0.5) * _CELL / len(CONTACT_VIEWS)
-        draw_text(pen, (middle, y + _CAPTION - 2), name, 13, SOFT_RGB, "ms")
+    for column, name in enumerate(CONTACT_VIEWS):
+        center_x = x + (column + 0.5) * _CELL / len(CONTACT_VIEWS)
+        draw_text(pen, (center_x, y + _CAPTION - 2), name, 13, SOFT_RGB, "ms")
 
 
 def _draw_photo_panels(
@@ -193,8 +193,8 @@ def _draw_photo_panels(
     _depth_bar(page, depth, depth_range(reconstruction))
     # a pixel is not seen
     if cv2.erode((depths == UNKNOWN_RGB).all(-1).astype(np.uint8), np.ones((3, 3))).any():
-        at = depth.x + 6, depth.y + depth.height - 6
-        draw_text(pen, at, "gray: distance unknown", 13, UNKNOWN_RGB, "ls", rim=INK_RGB)
+        text_corner = depth.x + 6, depth.y + depth.height - 6
+        draw_text(pen, text_corner, "gray: distance unknown", 13, UNKNOWN_RGB, "ls", rim=INK_RGB)
 
 
 def _draw_views(

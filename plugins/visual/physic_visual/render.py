@@ -235,9 +235,9 @@ def render_points(
     drawn = rank > 0
     color = np.zeros((height, width, 3), np.float32)
     depth = np.full((height, width), np.inf, np.float32)
-    shown = order[rank[drawn].astype(np.int64) - 1]
-    color[drawn] = colors[shown]
-    depth[drawn] = distance[shown]
+    point_of_pixel = order[rank[drawn].astype(np.int64) - 1]
+    color[drawn] = colors[point_of_pixel]
+    depth[drawn] = distance[point_of_pixel]
     return RenderedLayer(color, drawn.astype(np.float32), depth)
 
 

@@ -107,14 +107,14 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyArra
         raise InputError(f"no skeleton is known for bodies of the model '{result.body_model}'")
     named = (result.config.get("body_model") or {}).get("path") if file is None else file
     if not named or not Path(named).is_file():
-        lost = (
+        missing_file_text = (
             f"the file of the run, {named}, is not there"
             if named
             else "the result does not name it"
         )
         raise InputError(
-            f"the result has SMPL-X bodies, whose skeleton is in your SMPL-X file, and {lost}: "
-            "give its path (--body-model FILE, or body_model= in Python)"
+            f"the result has SMPL-X bodies, whose skeleton is in your SMPL-X file, and "
+            f"{missing_file_text}: give its path (--body-model FILE, or body_model= in Python)"
         )
     parameters = result.people[0].parameters
     return smplx_arrays(

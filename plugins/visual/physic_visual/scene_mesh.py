@@ -194,13 +194,13 @@ def mesh_backdrop(result: Reconstruction, surface: SceneMesh) -> SceneMesh:
     cell = max(_LEAST_CELL_PX, max(height, width) / _SHELL_CELLS)
     cells = max(1, round(width / cell)), max(1, round(height / cell))
     far = _far_pixels(surface, (height, width)).astype(np.float32)
-    kept = cv2.resize(far, cells, interpolation=cv2.INTER_AREA) > 0.5
+    is_far_cell = cv2.resize(far, cells, interpolation=cv2.INTER_AREA) > 0.5
     columns, rows = (
         np.linspace(0, size - 1, count + 1)
         for size, count in zip((width, height), cells, strict=True)
     )
     ids = np.arange(len(rows) * len(columns)).reshape(len(rows), len(columns))
-    faces = _halves(ids, kept, kept)
+    faces = _halves(ids, is_far_cell, is_far_cell)
     spots = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
     used = np.unique(faces)
     pixels = np.round(spots[used]).astype(np.int64)

@@ -252,8 +252,8 @@ def _camera_from_aside(
     """
     turn = upright[:3, :3]
     eye = upright[:3, 3]
-    middle = corners.mean(0)
-    azimuth = math.atan2(eye[0] - middle[0], eye[2] - middle[2]) + math.radians(_ASIDE)
+    center = corners.mean(0)
+    azimuth = math.atan2(eye[0] - center[0], eye[2] - center[2]) + math.radians(_ASIDE)
     rise = math.radians(_ABOVE)
     back = np.array(
         [math.sin(azimuth) * math.cos(rise), math.sin(rise), math.cos(azimuth) * math.cos(rise)]
@@ -263,14 +263,14 @@ def _camera_from_aside(
     focal = _FILLED * height / (2 * math.tan(_FIELD / 2))
     spots = corners @ axes.T
     distance = 0.0
-    place = np.zeros(3)
+    position = np.zeros(3)
     for axis, room in enumerate((width, height)):
         slope = _FILLED * room / 2 / focal
-        most = (spots[:, axis] + slope * spots[:, 2]).max()
+        largest = (spots[:, axis] + slope * spots[:, 2]).max()
         least = (slope * spots[:, 2] - spots[:, axis]).max()
-        place += (most - least) / 2 * axes[axis]
-        distance = max(distance, (most + least) / 2 / slope)
-    origin = turn.T @ (place + distance * back - eye)
+        position += (largest - least) / 2 * axes[axis]
+        distance = max(distance, (largest + least) / 2 / slope)
+    origin = turn.T @ (position + distance * back - eye)
     centre = (np.array([width, height]) - 1) / 2
     return View(
         axes * [[1.0], [-1.0], [-1.0]] @ turn,

@@ -93,8 +93,8 @@ def frames(
             left_out[name] = str(error)
             continue
         load = partial(_truth, root, sequence, moment, camera, split, bodies)
-        shown = None if picture is None else Picture(picture)
-        frames.append(Frame(name, sequence, load, camera, shown, f"{sequence}/{moment}"))
+        frame_picture = None if picture is None else Picture(picture)
+        frames.append(Frame(name, sequence, load, camera, frame_picture, f"{sequence}/{moment}"))
     return FrameSet(tuple(frames), (), left_out)
 
 

@@ -40,15 +40,15 @@ def derivatives(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor, 
     posed = problem.loss_points(model(body.rotations, body.betas, body.transl))
     # the first row is zero
     steps = _STEP_SIZE * torch.eye(width + 1, width, dtype=unknowns.dtype).roll(1, 0)
-    at = (unknowns[:, None] + steps).flatten(0, 1).requires_grad_(True)
+    stepped = (unknowns[:, None] + steps).flatten(0, 1).requires_grad_(True)
     rows = problem.select(torch.arange(count).repeat_interleave(width + 1))
-    moved = rows.decode(at)
-    turned = _rotation_changes(motions, body, moved)
-    points = _linear_points(problem, motions, torch.cat(posed, 1), turned, body, moved)
+    moved_bodies = rows.decode(stepped)
+    turned = _rotation_changes(motions, body, moved_bodies)
+    points = _linear_points(problem, motions, torch.cat(posed, 1), turned, body, moved_bodies)
     parts = torch.split(points.flatten(0, 1), [part.shape[1] for part in posed], 1)
-    data, constraints = rows.terms_at_points(at, moved, parts)
+    data, constraints = rows.terms_at_points(stepped, moved_bodies, parts)
     losses = data + constraints
-    gradients, twist, pull = torch.autograd.grad(losses.sum(), [at, turned, points])
+    gradients, twist, pull = torch.autograd.grad(losses.sum(), [stepped, turned, points])
     gradients = gradients.view(count, width + 1, width)
     hessian = (gradients[:, 1:] - gradients[:, :1]) / _STEP_SIZE
     hessian = (hessian + hessian.mT) / 2
@@ -125,9 +125,11 @@ def _cross_terms(
     (by_point,) = torch.autograd.grad((_loss_points(problem, raw) * pull).sum(), raw)
     by_shape = motions.moments_by_shape(by_point).flatten(3)  # (N, K, 22, 9)
     shapes = (units.flatten(3) @ by_shape.permute(0, 2, 3, 1)).flatten(1, 2)
-    found = torch.cat([joints, shapes], 2)
-    found = torch.cat([found, found.new_zeros(len(found), shapes.shape[2], found.shape[2])], 1)
-    return found + found.mT
+    hessian = torch.cat([joints, shapes], 2)
+    hessian = torch.cat(
+        [hessian, hessian.new_zeros(len(hessian), shapes.shape[2], hessian.shape[2])], 1
+    )
+    return hessian + hessian.mT
 
 
 def _loss_points(problem: FitProblem, points: Tensor) -> Tensor:

@@ -120,7 +120,7 @@ def fit_fingers(landmarks: FloatArray, rest: RestHand) -> FloatArray:
     inner = 1e-3
     first = np.clip(_initial_angles(bones, palm, start, rest, joints), low + inner, high - inner)
     wide = np.full(3, np.pi)
-    found = least_squares(
+    solution = least_squares(
         lambda x: residuals(x[None])[0],
         np.concatenate([np.zeros(3), first]),
         jac=lambda x: _jacobian(residuals, x),
@@ -129,7 +129,7 @@ def fit_fingers(landmarks: FloatArray, rest: RestHand) -> FloatArray:
         ftol=1e-5,
         xtol=1e-5,
     ).x[None]
-    return np.asarray(_rotvecs(found[:, 3:], rest, joints)[0])
+    return np.asarray(_rotvecs(solution[:, 3:], rest, joints)[0])
 
 
 def _jacobian(residuals: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
@@ -189,11 +189,11 @@ def _initial_angles(
     for finger in range(5):
         frame = root
         for joint in range(3):
-            seen = frame.T @ bones[finger, joint]
+            bone_direction = frame.T @ bones[finger, joint]
             resting = rest.bones[finger, joint]
-            axis = np.cross(resting, seen)
+            axis = np.cross(resting, bone_direction)
             sine = np.linalg.norm(axis)
-            swing = axis / max(sine, 1e-9) * np.arctan2(sine, resting @ seen)
+            swing = axis / max(sine, 1e-9) * np.arctan2(sine, resting @ bone_direction)
             turns[finger, joint] = rest.axes[finger, joint] @ swing
             frame = frame @ Rotation.from_rotvec(swing).as_matrix()
     return turns.reshape(45)[joints]

@@ -98,17 +98,17 @@ def fit_bodies(
         fit, changed = earlier
         rows = torch.from_numpy(np.flatnonzero(changed))
         part = problem.select(rows)
-        found = fit.unknowns.clone()
-        near = found[rows] if continues else _search_minimum(part)
-        found[rows] = minimise(part, near, least_step=_ROUGH)
-        return _body_fit(model, problem, found)
+        solution = fit.unknowns.clone()
+        near = solution[rows] if continues else _search_minimum(part)
+        solution[rows] = minimise(part, near, least_step=_ROUGH)
+        return _body_fit(model, problem, solution)
     unknowns = _search_minimum(problem)
     with torch.no_grad():
         best = problem.loss(unknowns).view(starts, -1).argmin(0)
     rows = best * len(best) + torch.arange(len(best))
     problem = problem.select(rows)
-    found = minimise(problem, unknowns[rows], least_step=_ROUGH)
-    return _body_fit(model, problem, found)
+    solution = minimise(problem, unknowns[rows], least_step=_ROUGH)
+    return _body_fit(model, problem, solution)
 
 
 def fit_outlines(
@@ -140,30 +140,32 @@ def lifted_limbs(
     index = keypoint_indices(observations.skeleton)
     columns = [index[name] for name in LIMBS]
     joints = fit.joints.double().numpy()[:, LIMB_ROWS]
-    middle = joints[:, HIPS].mean(1, keepdims=True)
-    depth = (middle @ observations.turn)[:, 0, 2]
-    fitted = (joints - middle) @ observations.turn
+    hips_center = joints[:, HIPS].mean(1, keepdims=True)
+    depth = (hips_center @ observations.turn)[:, 0, 2]
+    fitted = (joints - hips_center) @ observations.turn
     pixels = observations.points[:, columns]
     rays = np.concatenate([pixels, np.ones_like(pixels[..., :1])], -1)
-    seen = rays @ np.linalg.inv(observations.intrinsics.matrix).T @ observations.turn
-    told = predict_joints(
+    seen_points = rays @ np.linalg.inv(observations.intrinsics.matrix).T @ observations.turn
+    predicted = predict_joints(
         LimbView(
             fitted,
-            seen[..., :2] / seen[..., 2:] * depth[:, None, None],
+            seen_points[..., :2] / seen_points[..., 2:] * depth[:, None, None],
             observations.confidence[:, columns],
             observations.turn.transpose(0, 2, 1) @ (np.zeros(3) if up is None else up),
             depth,
         )
     )
-    moved = np.linalg.norm(told - fitted, axis=-1)
-    weight = np.ones(told.shape[:2])
+    distance = np.linalg.norm(predicted - fitted, axis=-1)
+    weight = np.ones(predicted.shape[:2])
     for row, name in enumerate(LIMBS):
         if name.endswith(("knee", "ankle")):
             weight[cut, row] = 0
         elif observations.spread is not None and name.endswith(("elbow", "wrist")):
             turned = observations.spread[:, columns[row]] / _STEADY_M
             weight[:, row] = np.minimum(1 + turned**2, _MOST_OF_ARM)
-    return LiftedLimbs(torch.from_numpy(told), torch.from_numpy(weight), torch.from_numpy(moved))
+    return LiftedLimbs(
+        torch.from_numpy(predicted), torch.from_numpy(weight), torch.from_numpy(distance)
+    )
 
 
 def _search_minimum(problem: FitProblem) -> Tensor:

@@ -84,10 +84,10 @@ def with_hidden_legs(
     row = keypoint_indices(skeleton)
     legs = [row[f"{side}_{name}"] for side in SIDES for name in _LEG if f"{side}_{name}" in row]
     hips = [row[f"{side}_hip"] for side in SIDES]
-    seen = _leg_confidence(observations, skeleton)
+    leg_confidence = _leg_confidence(observations, skeleton)
     weight = observations.weight.copy()
     if observations.world is None:
-        weight[:, legs] = np.where(seen[:, None] <= _GUESSED, 0.0, weight[:, legs])
+        weight[:, legs] = np.where(leg_confidence[:, None] <= _GUESSED, 0.0, weight[:, legs])
         return replace(observations, weight=weight)
     world = observations.world.copy()
     world_weight = observations.world_weight.copy()
@@ -95,19 +95,19 @@ def with_hidden_legs(
     unsaid = np.isnan(person_observations.posture[:, 0])
     sigma = pitch_sigma(person_observations)
     bends = _expected_bends(person_observations)
-    for i in map(int, np.flatnonzero(seen < SURE_CONFIDENCE)):
-        above = observations.turn[i].T @ up  # in the axes of the view
+    for i in map(int, np.flatnonzero(leg_confidence < SURE_CONFIDENCE)):
+        up_in_view = observations.turn[i].T @ up  # in the axes of the view
         lies = person_observations.posture[i, POSTURES.index("lie")] > 0.5
-        if lies or (unsaid[i] and -_trunk_direction(world[i], row) @ above < _LEAST_UPRIGHT):
+        if lies or (unsaid[i] and -_trunk_direction(world[i], row) @ up_in_view < _LEAST_UPRIGHT):
             continue
-        share = min(1.0, (SURE_CONFIDENCE - seen[i]) / (SURE_CONFIDENCE - _SURELY_HIDDEN))
-        world[i] = _turned_upright(world[i], row, above, sigma[i], share)
+        share = min(1.0, (SURE_CONFIDENCE - leg_confidence[i]) / (SURE_CONFIDENCE - _SURELY_HIDDEN))
+        world[i] = _turned_upright(world[i], row, up_in_view, sigma[i], share)
         weight[i, hips] *= 1 - share * (1 - _HIPS_WITHOUT_LEGS)
-        if seen[i] > (_GUESSED if sits[i] else SEEN_CONFIDENCE):
+        if leg_confidence[i] > (_GUESSED if sits[i] else SEEN_CONFIDENCE):
             continue
         weight[i, legs] = world_weight[i, legs] = 0
-        for joint, place in _bent_leg_positions(world[i], row, -above, bends[i]).items():
-            world[i, joint] = place
+        for joint, position in _bent_leg_positions(world[i], row, -up_in_view, bends[i]).items():
+            world[i, joint] = position
             world_weight[i, joint] = LEAST_WORLD_WEIGHT
     return replace(observations, weight=weight, world=world, world_weight=world_weight)
 
@@ -135,9 +135,9 @@ def without_guessed_legs(
             continue
         leg = [row[f"{SIDES[k]}_{name}"] for name in _LEG if f"{SIDES[k]}_{name}" in row]
         weight[i, leg] = world_weight[i, leg] = 0
-        places = _bent_leg_positions(world[i], row, -observations.turn[i].T @ up, bends[i])
+        positions = _bent_leg_positions(world[i], row, -observations.turn[i].T @ up, bends[i])
         for joint in ends:
-            world[i, joint] = places[joint]
+            world[i, joint] = positions[joint]
             world_weight[i, joint] = LEAST_WORLD_WEIGHT
     return replace(observations, weight=weight, world=world, world_weight=world_weight)
 
@@ -198,15 +198,15 @@ def _bent_leg_positions(
     """
     ahead = np.cross(down, world[row["left_hip"]] - world[row["right_hip"]])
     ahead /= np.linalg.norm(ahead) + 1e-9
-    places = {}
+    positions = {}
     for k, side in enumerate(SIDES):
         thigh, shank = bends[k], bends[k] - bends[2 + k]
         knee = world[row[f"{side}_hip"]] + _THIGH_M * (np.sin(thigh) * ahead + np.cos(thigh) * down)
-        places[row[f"{side}_knee"]] = knee
-        places[row[f"{side}_ankle"]] = knee + _SHANK_M * (
+        positions[row[f"{side}_knee"]] = knee
+        positions[row[f"{side}_ankle"]] = knee + _SHANK_M * (
             np.sin(shank) * ahead + np.cos(shank) * down
         )
-    return places
+    return positions
 
 
 def _trunk_direction(world: FloatArray, row: dict[str, int]) -> FloatArray:

@@ -75,15 +75,15 @@ def predict_joints(view: LimbView) -> FloatArray:
         up * _MIRROR,
         depth,
     )
-    found = (
+    lifted = (
         joints
         + (_predicted_offsets(view) + (_predicted_offsets(mirrored) * _MIRROR)[:, _SWAPPED]) / 2
     )
     for elbow, wrist in _FOREARMS:
-        forearm = found[:, wrist] - found[:, elbow]
+        forearm = lifted[:, wrist] - lifted[:, elbow]
         tilt = forearm[:, 2] ** 2 / (forearm**2).sum(1)
-        found[:, wrist, 2] = found[:, elbow, 2] + forearm[:, 2] * tilt / (tilt + _GUESSED_TILT**2)
-    return np.asarray(found - found[:, HIPS].mean(1, keepdims=True))
+        lifted[:, wrist, 2] = lifted[:, elbow, 2] + forearm[:, 2] * tilt / (tilt + _GUESSED_TILT**2)
+    return np.asarray(lifted - lifted[:, HIPS].mean(1, keepdims=True))
 
 
 def network_inputs(view: LimbView) -> FloatArray:

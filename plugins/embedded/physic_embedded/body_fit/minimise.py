@@ -149,12 +149,12 @@ class _SearchState:
         # the minimum of the parabola through both losses and the slope
         shorter = (slope / (2 * (slope - rise))).nan_to_num(0.0).clamp(0.1, 0.5)
         self.share[rows] = torch.where(lower, 1.0, self.share[rows] * shorter)
-        moved = rows[lower]
+        moved_rows = rows[lower]
         change = (gradient - self.gradient[rows])[lower]
-        self.inverse[moved] = _bfgs_update(self.inverse[moved], step[lower], change)
-        self.unknowns[moved] += step[lower]
-        self.loss[moved] = loss[lower]
-        self.gradient[moved] = gradient[lower]
+        self.inverse[moved_rows] = _bfgs_update(self.inverse[moved_rows], step[lower], change)
+        self.unknowns[moved_rows] += step[lower]
+        self.loss[moved_rows] = loss[lower]
+        self.gradient[moved_rows] = gradient[lower]
         return lower, step.abs().amax(1)
 
 

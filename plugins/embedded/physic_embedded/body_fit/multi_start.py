@@ -38,7 +38,7 @@ def fit_without_world_landmarks(model: BodyModel, observations: BodyObservations
     facing = np.diag([1.0, -1.0, -1.0])  # y up and facing +z, seen by a camera whose y points down
     roots = []
     poses = []
-    places = []
+    translations = []
     with torch.no_grad():
         for yaw, pose in starts:
             root = observations.turn @ facing @ Rotation.from_euler("y", yaw).as_matrix()
@@ -49,9 +49,11 @@ def fit_without_world_landmarks(model: BodyModel, observations: BodyObservations
             posed = model.landmarks_only([skeleton])(rotations, betas, transl)[skeleton].numpy()
             roots.append(root)
             poses.append(np.broadcast_to(pose, (count, 21, 3)))
-            places.append([initial_translation(p, observations, i) for i, p in enumerate(posed)])
+            translations.append(
+                [initial_translation(p, observations, i) for i, p in enumerate(posed)]
+            )
     tiled = _repeat_observations(observations, len(starts))
-    start = InitialPose(np.concatenate(roots), np.concatenate(poses), np.concatenate(places))
+    start = InitialPose(np.concatenate(roots), np.concatenate(poses), np.concatenate(translations))
     return fit_bodies(model, tiled, start, starts=len(starts))
 
 

@@ -103,18 +103,18 @@ def observe_people(
     world: FloatArray | None = (
         None if keypoints.world is None else np.asarray(keypoints.world, np.float64)
     )
-    middle = points[:, hips].mean(1)
+    hips_center = points[:, hips].mean(1)
     if world is None:
         size = _size_without_landmarks(points, skeleton, people)
     else:
-        lost = np.asarray(~np.isfinite(world).all(-1))
-        if lost.any():
-            world = _fill_lost_landmarks(world, lost, points, middle, confidence)
+        is_missing = np.asarray(~np.isfinite(world).all(-1))
+        if is_missing.any():
+            world = _fill_lost_landmarks(world, is_missing, points, hips_center, confidence)
         world = world - world[:, hips].mean(1, keepdims=True)
         size = SIZE_STATURE_M * _pixels_per_metre(points, world, confidence)
     world_weight = np.maximum(confidence, LEAST_WORLD_WEIGHT)
     if world is not None:
-        world_weight[lost] = 0
+        world_weight[is_missing] = 0
     # A face tells how the head turns, and its points where it is: 3D landmarks, 4 to 8 cm off,
     # hardly turn a head. Of ears in the picture, networks invent what the head hides.
     ears = np.array([name.endswith("ear_surface") for name in skeleton.names])
@@ -126,7 +126,7 @@ def observe_people(
         weight,
         confidence,
         size,
-        _rotations_to(middle, intrinsics),
+        _rotations_to(hips_center, intrinsics),
         world,
         world_weight,
         Stance.in_picture(person_observations).limb_touch_probability[:, :2],

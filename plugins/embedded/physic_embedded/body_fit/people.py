@@ -148,17 +148,17 @@ def _fit_keypoints(model: BodyModel, observations: BodyObservations) -> FittedBo
         return fit_without_world_landmarks(model, observations)
     roots = []
     poses = []
-    places = []
+    translations = []
     for i, landmarks in enumerate(observations.world):
         turned = landmarks @ observations.turn[i].T
         root, pose = pose_from_landmarks(turned, observations.skeleton)
         roots.append(root)
         poses.append(pose)
-        places.append(initial_translation(turned, observations, i))
+        translations.append(initial_translation(turned, observations, i))
     return fit_bodies(
         model,
         observations,
-        InitialPose(np.array(roots), np.array(poses), np.array(places)),
+        InitialPose(np.array(roots), np.array(poses), np.array(translations)),
     )
 
 
@@ -221,16 +221,16 @@ def _refit_upright(
         )
 
     share: FloatArray = upright.astype(np.float64)
-    again = refit(share, turn)
-    unlike = posed.any(1) & (again.loss - fit.loss > _ACCEPTED_RISE)
+    refitted = refit(share, turn)
+    unlike = posed.any(1) & (refitted.loss - fit.loss > _ACCEPTED_RISE)
     if unlike.any():
         legs = without_posture(legs, unlike)
         posed &= ~unlike[:, None]
-        again = refit(share, turn, (again, unlike))
-    share, costly = _upright_share(upright, again.loss - fit.loss)
+        refitted = refit(share, turn, (refitted, unlike))
+    share, costly = _upright_share(upright, refitted.loss - fit.loss)
     if costly.any():
-        again = refit(share, share * turn, (again, costly), continues=True)
-    return again, share
+        refitted = refit(share, share * turn, (refitted, costly), continues=True)
+    return refitted, share
 
 
 def _upright_share(upright: BoolArray, rise: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -93,8 +93,8 @@ def point_motions(
     moments = (family @ bones.flatten(2)).view(batch, joints, 3, -1)
     moments = moments - world[:, :joints, :, 3, None] * (family @ weights)[:, None]
 
-    places = _joints_by_shape(tree, turns, rest_by_shape)
-    shifts = places - (turns[:, None] @ rest_by_shape[..., None])[..., 0]
+    position_slopes = _joints_by_shape(tree, turns, rest_by_shape)
+    shifts = position_slopes - (turns[:, None] @ rest_by_shape[..., None])[..., 0]
     blended = (turns.flatten(2).mT @ weights).view(batch, 1, 3, 3, -1)
     by_shape = (blended * directions[:, None]).sum(3) + shifts.mT @ weights
     return PointMotions(
@@ -107,7 +107,7 @@ def point_motions(
         directions,
         turns,
         shifts,
-        places[:, :, :joints],
+        position_slopes[:, :, :joints],
     )
 
 

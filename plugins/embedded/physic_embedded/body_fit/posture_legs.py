@@ -69,11 +69,11 @@ def legs_of_other_postures(
     columns = [sided_indices(observations.skeleton, name) for name in _LEG]
     points = [observations.points[:, rows] for rows in columns]
     flat_thigh, flat_shank = _unit(points[1] - points[0]), _unit(points[2] - points[1])
-    shown = (flat_thigh * flat_shank).sum(-1) < np.cos(_SHOWN_BEND)
-    seen = observations.confidence[:, columns[1]] >= SURE_CONFIDENCE
-    shown &= seen & (observations.confidence[:, columns[2]] >= SURE_CONFIDENCE)
-    bent = (shown & (beyond > _BOTH_FAR)).any(1) & (legs.cosine[:, 0] > _STANDING)
-    return np.asarray((both[:, None] | (~seen & (beyond > _ONE_FAR))) & ~bent[:, None])
+    is_straight = (flat_thigh * flat_shank).sum(-1) < np.cos(_SHOWN_BEND)
+    is_visible = observations.confidence[:, columns[1]] >= SURE_CONFIDENCE
+    is_straight &= is_visible & (observations.confidence[:, columns[2]] >= SURE_CONFIDENCE)
+    bent = (is_straight & (beyond > _BOTH_FAR)).any(1) & (legs.cosine[:, 0] > _STANDING)
+    return np.asarray((both[:, None] | (~is_visible & (beyond > _ONE_FAR))) & ~bent[:, None])
 
 
 def without_posture(legs: LegsByPosture, people: BoolArray) -> LegsByPosture:

@@ -95,8 +95,8 @@ def outline_pairs(
         weight[i] = lines.weight
         vertex[i] = np.where(weight[i] > 0, lines.vertex, first)
         # Vertices lie beside the outline, at an offset that stays constant.
-        off = lines.point - _project(vertices[i][vertex[i]], camera)
-        offset[i] = lines.offset - (normal[i] * off).sum(-1)
+        offset_px = lines.point - _project(vertices[i][vertex[i]], camera)
+        offset[i] = lines.offset - (normal[i] * offset_px).sum(-1)
     loss_points, rows = np.unique(vertex, return_inverse=True)
     return OutlinePairs(
         *map(torch.from_numpy, (loss_points, rows.reshape(vertex.shape), normal, offset, weight))
@@ -202,9 +202,9 @@ def _crop(
     size: float,
 ) -> _Crop:
     """Draw a body (V, 3) and cut out its masks, of the person and of all others."""
-    own, others = masks
+    person_mask, others = masks
     pixels = _project(vertices, camera)
-    low, high = _crop_corners(pixels, own)
+    low, high = _crop_corners(pixels, person_mask)
     scale = _CROP_SIDE / float((high - low).max())
     width, height = np.maximum(np.ceil((high - low) * scale).astype(int) + 1, 2).tolist()
     to_crop = np.array([[scale, 0, -scale * low[0]], [0, scale, -scale * low[1]]])
@@ -222,9 +222,9 @@ def _crop(
         width,
     )[0].numpy()
     return _Crop(
-        mask=cut(own.astype(np.float32), 0, cv2.INTER_LINEAR) > 0.5,
+        mask=cut(person_mask.astype(np.float32), 0, cv2.INTER_LINEAR) > 0.5,
         others=cut(others.astype(np.float32), 0, cv2.INTER_LINEAR) > 0.3,
-        border=_dilated(cut(np.ones(own.shape, np.float32), 0, cv2.INTER_NEAREST) < 0.5, 2),
+        border=_dilated(cut(np.ones(person_mask.shape, np.float32), 0, cv2.INTER_NEAREST) < 0.5, 2),
         depth=None if depth is None else cut(depth.astype(np.float32), np.inf, cv2.INTER_NEAREST),
         vertex=np.where(face < 0, -1, model.faces.numpy()[face, 0]),
         low=low,

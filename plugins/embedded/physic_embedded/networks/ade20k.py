@@ -118,10 +118,10 @@ def label_surfaces(
         return whole
 
     for index in np.flatnonzero(probability.max(axis=(0, 1)) >= _LEAST_PROBABILITY):
-        here = resampled_to_photo(probability[..., index])
-        better = here >= best
+        class_probability = resampled_to_photo(probability[..., index])
+        better = class_probability >= best
         labels[better] = index
-        best[better] = here[better]
+        best[better] = class_probability[better]
     labels[people] = SURFACE_NAMES.index("person")
     return SurfaceLabels(labels), resampled_to_photo(framed) >= _LEAST_PROBABILITY
 

@@ -105,8 +105,15 @@ class ImagePyramid:
         scale = np.array([level.shape[1] / self.width, level.shape[0] / self.height])
         # Pixel (i, j) of the cut has its centre at corner coordinates (i + 1/2, j + 1/2).
         corner = np.array([[0.5, 0.5], [1.5, 0.5], [0.5, 1.5]])
-        at = (square.to_photo(corner, size) + 0.5) * scale - 0.5
-        matrix = np.stack([at[1] - at[0], at[2] - at[0], at[0]], axis=1)
+        source_corners = (square.to_photo(corner, size) + 0.5) * scale - 0.5
+        matrix = np.stack(
+            [
+                source_corners[1] - source_corners[0],
+                source_corners[2] - source_corners[0],
+                source_corners[0],
+            ],
+            axis=1,
+        )
         cut: UInt8Array = cv2.warpAffine(
             level,
             matrix,

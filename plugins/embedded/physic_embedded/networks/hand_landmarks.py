@@ -140,15 +140,15 @@ def find_hand(
     # No palm is visible: the pose gives the place of the hand.
     starts.append(replace(search_square, side=search_square.side / 1.5))
     best = None
-    most = 0.0
+    best_presence = 0.0
     for start in starts:
         points, _, presence, right = _run_network(landmarker, picture.crop(start, LANDMARK_SIZE))
         points = start.to_photo(points, LANDMARK_SIZE)
         worth = presence * (0.2 + (right if side == "right" else 1.0 - right))
         near = np.linalg.norm(points[0] - wrist) < 0.25 * search_square.side
-        if near and worth > most:
+        if near and worth > best_presence:
             best = square_from_landmarks(points)
-            most = worth
+            best_presence = worth
     return None if best is None else predict_hand_landmarks(landmarker, picture, best)
 
 

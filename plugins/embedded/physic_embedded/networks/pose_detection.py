@@ -65,8 +65,8 @@ def detect_people(
         *((*tile, tile_threshold) for tile in tiles(picture.width, picture.height, fractions)),
         *((*_search_square(box), tile_threshold) for box in people_boxes),
     ]
-    found = [d for window in windows for d in _detect_in_square(session, picture, *window)]
-    return merge_candidates(found)
+    candidates = [d for window in windows for d in _detect_in_square(session, picture, *window)]
+    return merge_candidates(candidates)
 
 
 def _search_square(box: FloatArray) -> tuple[float, float, float]:
@@ -86,19 +86,19 @@ def _detect_in_square(
     scale = np.array([picture.width / image.shape[1], picture.height / image.shape[0]])
     x0, y0 = (max(0, round(v / s)) for v, s in zip((x, y), scale, strict=True))
     x1, y1 = (round((v + side) / s) for v, s in zip((x, y), scale, strict=True))
-    shown, square = letterbox_square(image[y0:y1, x0:x1], DETECTOR_SIZE, (x0, y0))
+    network_image, square = letterbox_square(image[y0:y1, x0:x1], DETECTOR_SIZE, (x0, y0))
     anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS)
-    found = []
+    detections = []
     for mirrored in (False, True):
-        pixels = shown[:, ::-1] if mirrored else shown
+        pixels = network_image[:, ::-1] if mirrored else network_image
         boxes, scores = session.run(
             ["boxes", "scores"], {"image": pixels[None].astype(np.float32) / 127.5 - 1.0}
         )
         for d in decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, lowest):
             points = square.to_photo(_box_and_keypoints(d, mirrored), DETECTOR_SIZE)
             points = (points + 0.5) * scale - 0.5
-            found.append(BoxDetection(points[:2].ravel(), points[2:], d.score))
-    return found
+            detections.append(BoxDetection(points[:2].ravel(), points[2:], d.score))
+    return detections
 
 
 def _smallest_level(picture: ImagePyramid, fraction: float) -> UInt8Array:

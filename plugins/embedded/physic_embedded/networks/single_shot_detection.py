@@ -67,27 +67,27 @@ def decode_detections(
         threshold: detections with a lower score are dropped.
     """
     scores = sigmoid(logits)
-    kept = np.flatnonzero(scores >= threshold)
-    kept = kept[np.argsort(-scores[kept], kind="stable")]
-    anchor = anchors[kept] * size
-    values = raw[kept].astype(float)
+    kept_rows = np.flatnonzero(scores >= threshold)
+    kept_rows = kept_rows[np.argsort(-scores[kept_rows], kind="stable")]
+    anchor = anchors[kept_rows] * size
+    values = raw[kept_rows].astype(float)
     center = values[:, :2] + anchor
     half = values[:, 2:4] / 2
     boxes = np.concatenate([center - half, center + half], axis=1)
-    points = values[:, 4:].reshape(len(kept), raw.shape[1] // 2 - 2, 2) + anchor[:, None]
-    scores = scores[kept]
-    left = np.ones(len(kept), bool)
-    found = []
-    for i in range(len(kept)):
+    points = values[:, 4:].reshape(len(kept_rows), raw.shape[1] // 2 - 2, 2) + anchor[:, None]
+    scores = scores[kept_rows]
+    left = np.ones(len(kept_rows), bool)
+    detections = []
+    for i in range(len(kept_rows)):
         if not left[i]:
             continue
         group = left & (box_iou(boxes[i : i + 1], boxes)[0] > OVERLAP)
         group[i] = True
         left &= ~group
         weight = scores[group] / scores[group].sum()
-        found.append(
+        detections.append(
             BoxDetection(
                 weight @ boxes[group], np.tensordot(weight, points[group], 1), float(scores[i])
             )
         )
-    return found
+    return detections

@@ -118,7 +118,7 @@ def detect_boxes(
         fractions: sides of the tiles over the image's long side.
     """
     height, width = image.shape[:2]
-    found = [_detect(session, image, min_score)]
+    detections = [_detect(session, image, min_score)]
     for x, y, side in tiles(width, height, fractions):
         tile = image[y : y + side, x : x + side]
         boxes, scores = _detect(session, tile, min_tile_score)
@@ -126,9 +126,9 @@ def detect_boxes(
         keep = ~_touches_inner_edge(
             boxes, (x, y, x + tile.shape[1], y + tile.shape[0]), width, height
         )
-        found.append((boxes[keep], scores[keep]))
-    boxes = np.clip(np.concatenate([b for b, _ in found]), 0, [width, height, width, height])
-    scores = np.concatenate([s for _, s in found])
+        detections.append((boxes[keep], scores[keep]))
+    boxes = np.clip(np.concatenate([b for b, _ in detections]), 0, [width, height, width, height])
+    scores = np.concatenate([s for _, s in detections])
     people = _best_of_class(boxes, scores[:, 0])
     others = [
         (row, best)

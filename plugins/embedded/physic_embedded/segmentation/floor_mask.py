@@ -58,13 +58,13 @@ def ground_points(poses: Sequence[Pose], people: BoolArray) -> FloatArray:
     ]
     if not points:
         return np.zeros((0, 2))
-    at = np.concatenate(points)
+    ground_px = np.concatenate(points)
     margin = max(1.0, 0.004 * max(width, height))
     low = margin
     high = np.array([width, height]) - 1 - margin
-    at = at[((at >= low) & (at <= high)).all(axis=1)]
-    x, y = np.rint(at).astype(int).T
-    return np.asarray(at[~dilate(people, int(margin))[y, x]])
+    ground_px = ground_px[((ground_px >= low) & (ground_px <= high)).all(axis=1)]
+    x, y = np.rint(ground_px).astype(int).T
+    return np.asarray(ground_px[~dilate(people, int(margin))[y, x]])
 
 
 def floor_mask(
@@ -92,13 +92,13 @@ def floor_mask(
     points = points[np.linspace(0, len(points) - 1, min(len(points), _MOST_POINTS)).astype(int)]
     on_people = _person_points(poses, people)
     answer = predict_masks(decoder, embedding, points, on_people)
-    most = 0.0
+    best_plausibility = 0.0
     for logits in answer.logits:
         mask = embedding.to_photo(logits) > 0
         value = _plausibility(mask, points, people, poses)
-        if value > most:
+        if value > best_plausibility:
             best = mask
-            most = value
+            best_plausibility = value
     return best & ~people
 
 

@@ -179,24 +179,30 @@ def detect_poses(
         (box, float(score), pose_in_box(landmarker, picture, box))
         for box, score in zip(boxes.boxes, boxes.scores, strict=True)
     ]
-    sure = [_is_sure(box, score, pose, box_score) for box, score, pose in posed]
+    is_sure = [_is_sure(box, score, pose, box_score) for box, score, pose in posed]
     # The second search costs as much as all the rest, and adds no people where all boxes are sure.
     blazepose = []
-    if not posed or not all(sure):
+    if not posed or not all(is_sure):
         blazepose = _search_blazepose(
-            pose_detector, landmarker, picture, fractions, posed, sure, most=2 * max_people
+            pose_detector,
+            landmarker,
+            picture,
+            fractions,
+            posed,
+            is_sure,
+            max_candidates=2 * max_people,
         )
     others = [pose for pose, _ in blazepose]
     candidates = [
         [] if one_is_sure else [*others, *_upper_half(landmarker, picture, box)]
-        for one_is_sure, (box, _, _) in zip(sure, posed, strict=True)
+        for one_is_sure, (box, _, _) in zip(is_sure, posed, strict=True)
     ]
     without_box = _poses_without_box(blazepose, things, lowest)
-    kept = _without_repeats(_best_poses(posed, candidates, box_score) + without_box)
-    unposed = _add_hidden_people(landmarker, image, posed, kept, box_score)
-    unposed += _beyond_limit(kept, max_people) + _low_score_people(every[every.scores <= lowest])
-    kept = _with_upper_bodies(landmarker, image, kept[:max_people])
-    return FoundPeople(kept, unposed, left_out, things.carriers(box_score))
+    people = _without_repeats(_best_poses(posed, candidates, box_score) + without_box)
+    unposed = _add_hidden_people(landmarker, image, posed, people, box_score)
+    unposed += _beyond_limit(people, max_people) + _low_score_people(every[every.scores <= lowest])
+    people = _with_upper_bodies(landmarker, image, people[:max_people])
+    return FoundPeople(people, unposed, left_out, things.carriers(box_score))
 
 
 def _poses_without_box(
@@ -386,26 +392,26 @@ def _search_blazepose(
     picture: ImagePyramid,
     fractions: tuple[float, ...],
     posed: Sequence[tuple[FloatArray, float, Pose]],
-    sure: Sequence[bool],
-    most: int,
+    is_sure: Sequence[bool],
+    max_candidates: int,
 ) -> list[tuple[Pose, float]]:
     """Return the poses of BlazePose's own detector, also around boxes that are not sure, with its
     scores, but those at the hips of people who are sure.
     """
-    known = [pose for _, _, pose in compress(posed, sure)]
-    around = [box for box, _, _ in compress(posed, [not one for one in sure])]
+    known = [pose for _, _, pose in compress(posed, is_sure)]
+    around = [box for box, _, _ in compress(posed, [not one for one in is_sure])]
     candidates = detect_people(
         pose_detector, picture, WEAK_SCORE, WEAK_SCORE + 0.2, fractions, around
     )
-    found = []
-    for d in candidates[:most]:
+    poses_and_fits = []
+    for d in candidates[:max_candidates]:
         square = person_square(d.keypoints[0], d.keypoints[1])
         if any(_is_at_hips(square, one.square) for one in known):
             continue
         pose = predict_pose_if_present(landmarker, picture, square)
         if pose is not None:
-            found.append((pose, d.score))
-    return found
+            poses_and_fits.append((pose, d.score))
+    return poses_and_fits
 
 
 def _is_at_hips(square: RotatedSquare, other: RotatedSquare) -> bool:
@@ -423,17 +429,19 @@ def _best_poses(
 
     A box below ``box_score`` needs a better fit.
     """
-    found = []
-    for (box, score, own), candidates in zip(posed, others, strict=True):
-        poses = [own, *(pose for pose in candidates if _iou(pose.joints_box, box) > 0.4)]
+    best_poses = []
+    for (box, score, box_pose), candidates in zip(posed, others, strict=True):
+        poses = [box_pose, *(pose for pose in candidates if _iou(pose.joints_box, box) > 0.4)]
         fits = np.array([box_fit(pose, box) for pose in poses])
         similar = list(compress(poses, fits >= SIMILAR_FIT * fits.max()))
         best = min(similar, key=lambda pose: pose.mirror_gap - 0.05 * pose.score)
         best = average_agreeing(best, similar, SAME_PLACE)
         least = LEAST_FIT if score >= box_score else MIN_WEAK_FIT
         if best.score > 0.5 and fits.max() > least:
-            found.append(DetectedPose(best, float(score * best.score * np.sqrt(fits.max())), box))
-    return found
+            best_poses.append(
+                DetectedPose(best, float(score * best.score * np.sqrt(fits.max())), box)
+            )
+    return best_poses
 
 
 def pose_in_box(landmarker: OnnxSession, picture: ImagePyramid, box: FloatArray) -> Pose:

@@ -105,8 +105,8 @@ def _person_mask(
     around = _box(rough, embedding)
     free, boxed = look(None), look(around)
     best, box = (boxed, around) if boxed[0] > free[0] else (free, None)
-    again = look(box, best[2])
-    return max(best, again, key=itemgetter(0))[1], inside
+    refined = look(box, best[2])
+    return max(best, refined, key=itemgetter(0))[1], inside
 
 
 _SPECK = 0.1  # of the whole mask
@@ -142,7 +142,7 @@ def _drop_stray_pieces(
     """
     import cv2
 
-    logits = np.stack([own for own, _ in masks])
+    logits = np.stack([person_logits for person_logits, _ in masks])
     mine = (logits > 0) & (logits == logits.max(axis=0))
     for i, (_, points) in enumerate(masks):
         count, pieces, stats, _ = cv2.connectedComponentsWithStats(

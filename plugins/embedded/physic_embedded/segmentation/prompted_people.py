@@ -126,20 +126,20 @@ def _in_mask(detected: DetectedPeople, mask: BoolArray) -> DetectedPose | None:
     box = boxes_from_masks(mask[None])[0]
     neighbours = [
         person.pose
-        for person, own in zip(detected.found, detected.masks, strict=True)
-        if not (own & mask).any()
+        for person, pose_mask in zip(detected.found, detected.masks, strict=True)
+        if not (pose_mask & mask).any()
     ]
     poses = [person.pose for person in detected.found] + _poses(detected, box, neighbours)
 
     def overlap(pose: Pose) -> float:
         x, y = detected.embedding.grid_axes()
-        own = pose.mask_on_grid(x, y) > 0
+        pose_mask = pose.mask_on_grid(x, y) > 0
         rows, columns = (
             np.clip(np.rint(at).astype(int), 0, size - 1)
             for at, size in zip((y, x), mask.shape, strict=True)
         )
-        given = mask[np.ix_(rows, columns)]
-        return float((own & given).sum() / max((own | given).sum(), 1))
+        prompt_mask = mask[np.ix_(rows, columns)]
+        return float((pose_mask & prompt_mask).sum() / max((pose_mask | prompt_mask).sum(), 1))
 
     best = max(poses, key=lambda pose: pose.score * overlap(pose))
     return DetectedPose(best, float(best.score), box) if best.score > 0.5 else None

@@ -68,36 +68,36 @@ def segment_unposed(
         if they show a part of a person with a pose.
         And the pixels (H, W) of the people who are missing.
     """
-    found = []
+    masks = []
     taken = np.zeros_like(people)
     missing = np.zeros_like(people)
-    for one in sorted(boxes, key=lambda one: -one.score):
-        if one.reason == FOUND_TWICE:
-            found.append(one)
+    for box in sorted(boxes, key=lambda one: -one.score):
+        if box.reason == FOUND_TWICE:
+            masks.append(box)
             continue
         if (
             surfaces is not None
-            and one.score < SURE_SCORE
-            and _person_share(surfaces, one) < MIN_PERSON_SHARE
+            and box.score < SURE_SCORE
+            and _person_share(surfaces, box) < MIN_PERSON_SHARE
         ):
             continue
         mask = people
-        if one.score >= SURE_SCORE or not any(_is_limb(one, pose) for pose in poses):
+        if box.score >= SURE_SCORE or not any(_is_limb(box, pose) for pose in poses):
             none = np.zeros((0, 2))
-            answer = predict_masks(decoder, embedding, none, none, np.asarray(one.box, float))
+            answer = predict_masks(decoder, embedding, none, none, np.asarray(box.box, float))
             mask = embedding.to_photo(answer.logits[int(answer.iou.argmax())]) > 0
         least = MIN_OWN_SHARE * max(mask.sum(), 1)
-        own = mask & ~people & ~taken
-        if own.sum() < least:
-            if one.reason != HARDLY_VISIBLE or (mask & people).sum() < least:
-                found.append(replace(one, reason=FOUND_TWICE))
+        box_mask = mask & ~people & ~taken
+        if box_mask.sum() < least:
+            if box.reason != HARDLY_VISIBLE or (mask & people).sum() < least:
+                masks.append(replace(box, reason=FOUND_TWICE))
             continue
-        x0, y0, x1, y1 = (float(edge) for edge in boxes_from_masks(own[None])[0])
-        found.append(replace(one, box=(x0, y0, x1, y1)))
-        taken |= own
-        if one.is_missing:
-            missing |= own
-    return tuple(found), missing
+        x0, y0, x1, y1 = (float(edge) for edge in boxes_from_masks(box_mask[None])[0])
+        masks.append(replace(box, box=(x0, y0, x1, y1)))
+        taken |= box_mask
+        if box.is_missing:
+            missing |= box_mask
+    return tuple(masks), missing
 
 
 def _is_limb(unposed: UnposedPerson, pose: Pose) -> bool:
@@ -132,7 +132,7 @@ def count_heads(
     """
     heads = np.ones(len(masks), int)
     height, width = masks.shape[1:]
-    own = np.array([pose.points[HEAD].mean(0) for pose in poses]).reshape(-1, 2)
+    head_centers = np.array([pose.points[HEAD].mean(0) for pose in poses]).reshape(-1, 2)
     for one in boxes if len(masks) else ():
         x0, y0, x1, y1 = (
             np.clip(np.rint(one.box), 0, [width, height, width, height]).astype(int).tolist()
@@ -144,11 +144,11 @@ def count_heads(
         inside = masks[:, y0:y1, x0:x1].mean((1, 2))
         person = int(inside.argmax())
         across = slice(x0 + w // 4, x1 - w // 4)
-        above = masks[person, max(y0 - h // 10, 0) : y0, across]
+        above_mask = masks[person, max(y0 - h // 10, 0) : y0, across]
         top = masks[person, y0 : y0 + h // 5 + 1, across]
-        begins = not above.size or above.mean() <= MAX_ABOVE_SHARE
-        x = (own[:, 0] - x0) / w
-        y = (own[:, 1] - y0) / h
+        begins = not above_mask.size or above_mask.mean() <= MAX_ABOVE_SHARE
+        x = (head_centers[:, 0] - x0) / w
+        y = (head_centers[:, 1] - y0) / h
         beside = (x > -0.1) & (x < 1.1) & (y > -0.1)
         known = (beside & (y < 0.4)).any() or (beside[person] and y[person] < 1)
         if (

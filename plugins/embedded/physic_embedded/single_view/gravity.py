@@ -83,16 +83,16 @@ def up_from_edges(
         return None
     axes, trust = frame
     along = axes @ look.up
-    off = np.degrees(np.arccos(np.clip(np.abs(along), 0, 1)))
-    best = off.argmin()
-    if off[best] >= _MOST_OFF_DEG:
+    angle_deg = np.degrees(np.arccos(np.clip(np.abs(along), 0, 1)))
+    best = angle_deg.argmin()
+    if angle_deg[best] >= _MOST_OFF_DEG:
         return None
     by_trust = _SIGMA_OF_ROOMS_DEG if open_air < _ROOM else _SIGMA_OUTDOORS_DEG
     sigma = float(np.interp(trust, _TRUSTS, by_trust))
     square = sigma**2 + look.sigma**2
-    likely = (1 - _WRONG) * off / square * np.exp(-0.5 * off**2 / square)
+    likely = (1 - _WRONG) * angle_deg / square * np.exp(-0.5 * angle_deg**2 / square)
     wrong = _WRONG / _WRONG_RANGE_DEG
-    contrary = 90.0**2 * (likely.sum() - likely[best]) + wrong * off[best] ** 2
+    contrary = 90.0**2 * (likely.sum() - likely[best]) + wrong * angle_deg[best] ** 2
     sigma = np.hypot(sigma, np.sqrt(contrary / (likely.sum() + wrong)))
     return UpInPhoto(axes[best] * np.sign(along[best]), float(sigma), "edges in three directions")
 

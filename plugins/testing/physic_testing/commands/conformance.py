@@ -56,7 +56,7 @@ def check(
 
     require_interface(interface)
     name = with_current_folder(name)
-    given = _parse_options(options) or None
+    given_options = _parse_options(options) or None
     interfaces = (
         [interface]
         if interface is not None
@@ -72,7 +72,7 @@ def check(
     for kind in interfaces:
         with show_progress(as_json or not sys.stderr.isatty()) as progress:
             reports.append(
-                check_backend(name, kind, options=given, device=device, progress=progress)
+                check_backend(name, kind, options=given_options, device=device, progress=progress)
             )
         if not as_json:
             echo(reports[-1].text + "\n")

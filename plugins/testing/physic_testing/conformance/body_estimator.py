@@ -176,11 +176,11 @@ def check_bodies_can_be_posed(subject: BackendUnderTest) -> None:
         f"{bodies.body_model!r} without joints or mesh",
     )
     carried = embedded_parameters(bodies).transl
-    lost = np.isnan(carried[:, 0]) & np.isfinite(parameters.transl[:, 0])
+    is_lost = np.isnan(carried[:, 0]) & np.isfinite(parameters.transl[:, 0])
     expect(
-        not lost.any(),
+        not is_lost.any(),
         "known joints of both hips, and of both shoulders or the neck",
-        f"{int(lost.sum())} of {len(carried)} bodies lack them",
+        f"{int(is_lost.sum())} of {len(carried)} bodies lack them",
         "Joints are in the order of SMPL-X, NaN where unknown.",
     )
     if bodies.mesh is not None and bodies.joints is not None:

@@ -123,8 +123,8 @@ def check_options_are_complete(subject: BackendUnderTest) -> None:
         chosen = subject.options_for()
         back = options.model_validate(json.loads(json.dumps(chosen.model_dump(mode="json"))))
     except Exception as error:  # pydantic raises many kinds
-        got = describe_error(error, subject.kind)
-        raise CheckFailed("options that can be written as JSON", got) from error
+        error_text = describe_error(error, subject.kind)
+        raise CheckFailed("options that can be written as JSON", error_text) from error
     expect(
         back == chosen, "equal options after a JSON round trip", f"{back!r} instead of {chosen!r}"
     )

@@ -48,11 +48,11 @@ def _values(answer: Keypoints, case: Case) -> tuple[Values, Truth]:
     their mean.
     """
     keypoints, true, visible = comparable_keypoints(answer, case.truth)
-    shown = visible & (keypoints.confidence > 0)
+    is_answered = visible & (keypoints.confidence > 0)
     counted = visible & (visible.sum(axis=1, keepdims=True) > MIN_JOINTS)
     points, true = (
-        np.where(is_known[..., None], at - _centres(case), np.nan)
-        for is_known, at in ((shown, keypoints.points), (counted, true))
+        np.where(is_known[..., None], positions - _centres(case), np.nan)
+        for is_known, positions in ((is_answered, keypoints.points), (counted, true))
     )
     names = answer.joint_set.names
     in_world = np.full((len(points), len(_IN_WORLD), 3), np.nan)

@@ -213,24 +213,24 @@ def compare(subject: BackendUnderTest, group: Group) -> None:
         expect_telling(np.concatenate([v[group.key].ravel() for v, _ in evidence]), group.what)
     true = _unit_vectors(group, [(truth[group.key], truth) for _, truth in evidence])
     answered = _unit_vectors(group, [(values[group.key], truth) for values, truth in evidence])
-    off = _differences(answered, true)
-    finite = [unit for unit in off if np.isfinite(unit).any()]
+    differences = _differences(answered, true)
+    finite = [unit for unit in differences if np.isfinite(unit).any()]
     if len(finite) < MIN_UNITS:
         raise CheckSkipped(f"{len(finite)} people or photos to compare, {MIN_UNITS} are needed")
     readings = [*group.readings, *(group.search(group.key, evidence) if group.search else ())]
-    likely = []
+    candidates = []
     for reading in [] if _is_constant(answered, true) else readings:
         if reading.shows_when_blind or not is_blind:
             pairs = [(reading.make(truth[group.key], truth), truth) for _, truth in evidence]
             share, left = _mistake_share_and_rest(
-                group, reading, off, _differences(_unit_vectors(group, pairs), true)
+                group, reading, differences, _differences(_unit_vectors(group, pairs), true)
             )
             if share and left < reading.left:
-                likely.append((left, share, reading))
+                candidates.append((left, share, reading))
     rough = float(np.median([np.sqrt(np.nanmean(unit**2)) for unit in finite]))
     words = f"an error of {rough:.3g} {group.unit} in the median"
-    if likely:
-        _, share, reading = min(likely, key=lambda item: item[0])
+    if candidates:
+        _, share, reading = min(candidates, key=lambda item: item[0])
         size = f"{share * reading.size:+.3g}{reading.unit} {reading.words}"
         got = size if reading.size else f"{words}: it is {reading.words}"
         raise CheckFailed(group.what, got, reading.hint)

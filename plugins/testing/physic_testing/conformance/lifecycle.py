@@ -138,15 +138,15 @@ def _timed_calls(subject: BackendUnderTest, name: str, call: Callable[[], Any]) 
     """Return the results of two or three calls, of which the fastest is fast, without network."""
     answers: list[Any] = []
     best = float("inf")
-    with no_network() as places, suppress(OSError):
+    with no_network() as addresses, suppress(OSError):
         while len(answers) < 2 or (len(answers) < 3 and best > MAX_SECONDS):  # the first may import
             start = time.process_time()
             answers.append(call())
             best = min(best, time.process_time() - start)
     expect(
-        not places,
+        not addresses,
         f"{name} to use no network",
-        f"it requests {', '.join(dict.fromkeys(places))}",
+        f"it requests {', '.join(dict.fromkeys(addresses))}",
         "Download weights by a command of their own.",
     )
     expect(

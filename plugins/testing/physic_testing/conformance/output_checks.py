@@ -174,9 +174,9 @@ def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
             hint,
         )
     wanted = "reversed rows for reversed people"
-    again = subject.call(wanted, case, rows_of(request, reverse, count))
+    reversed_answer = subject.call(wanted, case, rows_of(request, reverse, count))
     is_sorted = describe_difference(answer, rows_of(answer, reverse, count)) and not (
-        describe_difference(answer, again)
+        describe_difference(answer, reversed_answer)
     )
     expect(not is_sorted, wanted, "the same rows", hint)
 
@@ -189,8 +189,10 @@ def check_rows_do_not_depend_on_other_people(subject: BackendUnderTest) -> None:
     changes = []
     for i in range(count):
         row = np.array([i])
-        alone = replace(rows_of(replace(case, world=None), row, count), world=case.world)
-        output = subject.call("output for one of several people", alone, subject.request(alone))
+        single_case = replace(rows_of(replace(case, world=None), row, count), world=case.world)
+        output = subject.call(
+            "output for one of several people", single_case, subject.request(single_case)
+        )
         changes.append(describe_difference(rows_of(answer, row, count), output))
     differ = list(filter(None, changes))
     report = expect if len(differ) == count else warn_unless

@@ -100,9 +100,11 @@ def check_mirrored_photo_exchanges_sides(subject: BackendUnderTest) -> None:
     distances = []
     for case, answer in subject.evidence():
         wanted = "valid output for a mirrored photo, or a PhysicError"
-        again = subject.call(wanted, case, mirrored(subject.request(case)), may_refuse=True)
-        if again is not None:
-            sides, other = _sides(answer), _sides(again)
+        mirrored_answer = subject.call(
+            wanted, case, mirrored(subject.request(case)), may_refuse=True
+        )
+        if mirrored_answer is not None:
+            sides, other = _sides(answer), _sides(mirrored_answer)
             differ = np.abs(sides - sides[:, ::-1]) > MIRROR_TOLERANCE  # False for NaN
             apart = np.stack([np.abs(sides - other), np.abs(sides - other[:, ::-1])])[:, differ]
             distances.append(apart[:, np.isfinite(apart).all(0)])

@@ -66,9 +66,9 @@ def check_leaves_home_and_network_alone(subject: BackendUnderTest) -> None:
     """
     with suppress(CheckSkipped):  # a load that fails for want of a network
         subject.result()
-    places = dict.fromkeys(subject.watch.places)
+    addresses = dict.fromkeys(subject.watch.places)
     hint = "Fetch weights by a command of their own: a run sends and gets nothing."
-    expect(not places, "no network", f"a request of {', '.join(places)}", hint)
+    expect(not addresses, "no network", f"a request of {', '.join(addresses)}", hint)
     module = sys.modules.get(subject.kind.__module__)
     if getattr(module, subject.kind.__qualname__, None) is not subject.kind:
         raise CheckSkipped("the home folder was not checked: the class cannot be imported")
@@ -87,12 +87,12 @@ def _files_in_a_new_home(subject: BackendUnderTest) -> list[str]:
     """
     caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     weights = {"HF_HOME": "huggingface", "TORCH_HOME": "torch"}
-    kept = {name: str(caches / folder) for name, folder in weights.items()} | os.environ
+    environment = {name: str(caches / folder) for name, folder in weights.items()} | os.environ
     target = f"{subject.kind.__module__}:{subject.kind.__qualname__}"
     options = subject.options_for(subject.case("one person")).model_dump(mode="json")
     settings = {"options": options, "device": subject.device}
     with TemporaryDirectory() as home:
-        places = {
+        folders = {
             "HOME": home,
             "XDG_CACHE_HOME": f"{home}/.cache",
             "PHYSIC_WEIGHTS": os.pathsep.join(map(str, search_folders())),
@@ -103,7 +103,7 @@ def _files_in_a_new_home(subject: BackendUnderTest) -> list[str]:
                 *(sys.executable, "-P", "-c", _IN_A_NEW_HOME),
                 *(target, subject.interface, *map(str, subject.size), json.dumps(settings)),
             ],
-            env=kept | places,
+            env=environment | folders,
             capture_output=True,
             check=False,
         )

@@ -209,15 +209,17 @@ def geodesic_error(graph: csr_array, predicted: BoolArray, truth: BoolArray) -> 
     )
     positive = np.zeros(len(rows))
     negative = np.zeros(len(rows))
-    lost = np.zeros(len(rows), np.int64)
+    unreachable = np.zeros(len(rows), np.int64)
     for i, (guess, fact) in enumerate(rows):
         if not (guess.any() and fact.any()):
             positive[i] = negative[i] = np.nan
             continue
         ways = distance_to_sources(graph, fact)[guess], distance_to_sources(graph, guess)[fact]
-        positive[i], negative[i] = (_mean_finite(way) * 100 for way in ways)
-        lost[i] = sum(int(np.isinf(way).sum()) for way in ways)
-    return GeodesicError(positive.reshape(shape), negative.reshape(shape), lost.reshape(shape))
+        positive[i], negative[i] = (_mean_finite(path_lengths) * 100 for path_lengths in ways)
+        unreachable[i] = sum(int(np.isinf(path_lengths).sum()) for path_lengths in ways)
+    return GeodesicError(
+        positive.reshape(shape), negative.reshape(shape), unreachable.reshape(shape)
+    )
 
 
 def _mean_finite(distance: FloatArray) -> float:

@@ -100,9 +100,9 @@ def assign(cost: FloatArray, allowed: BoolArray) -> Matching:
     rows, columns = linear_sum_assignment(
         np.where(allowed, cost, usual.max(initial=0.0) * min(cost.shape) + 1.0)
     )
-    kept = allowed[rows, columns]
-    rows = rows[kept].astype(np.int64)
-    columns = columns[kept].astype(np.int64)
+    is_allowed = allowed[rows, columns]
+    rows = rows[is_allowed].astype(np.int64)
+    columns = columns[is_allowed].astype(np.int64)
     order = np.argsort(columns)
     return Matching(
         predicted=rows[order],

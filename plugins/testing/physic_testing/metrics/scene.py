@@ -77,9 +77,9 @@ def _distance_to_points(
         distance, row = KDTree(cloud).query(flat, distance_upper_bound=reach)
         is_near = np.isfinite(distance)
         row = row[is_near]
-        way = flat[is_near] - cloud[row]
-        along = (facing[row] * way).sum(1)
-        beside = np.linalg.norm(way - along[:, None] * facing[row], axis=1)
+        offset = flat[is_near] - cloud[row]
+        along = (facing[row] * offset).sum(1)
+        beside = np.linalg.norm(offset - along[:, None] * facing[row], axis=1)
         to_surface = np.hypot(along, np.maximum(beside - gap[row], 0.0))
         oriented = (facing[row] ** 2).sum(1) > 0.5
         size = np.where(oriented, to_surface, distance[is_near])

@@ -57,9 +57,9 @@ def photo_weights(
     facing = -(normals * points).sum(1) / np.maximum(np.linalg.norm(normals, axis=1) * reach, 1e-12)
     weight = _smooth((facing - NO_FACING) / (FULL_FACING - NO_FACING)) * (points[:, 2] > 0)
     if caster is not None:
-        shown = np.flatnonzero(weight)
-        distance = caster.first(np.zeros(3), points[shown]).distance
-        weight[shown[distance <= 1 - HIDDEN_M / reach[shown]]] = 0.0
+        visible_rows = np.flatnonzero(weight)
+        distance = caster.first(np.zeros(3), points[visible_rows]).distance
+        weight[visible_rows[distance <= 1 - HIDDEN_M / reach[visible_rows]]] = 0.0
     return weight
 
 
@@ -81,10 +81,10 @@ def photo_colors(
     photo = np.zeros((len(points), 3))
     visible_share = np.zeros(len(points))
     near = np.zeros(len(points))
-    shown = np.flatnonzero((weight > 0) & (points[:, 2] > 0))
-    photo[shown], inside, close = _sample(result, index, points[shown])
-    visible_share[shown] = weight[shown] * inside
-    near[shown] = weight[shown] * close
+    visible_rows = np.flatnonzero((weight > 0) & (points[:, 2] > 0))
+    photo[visible_rows], inside, close = _sample(result, index, points[visible_rows])
+    visible_share[visible_rows] = weight[visible_rows] * inside
+    near[visible_rows] = weight[visible_rows] * close
     return photo, visible_share, near
 
 
@@ -157,7 +157,7 @@ def _sample(
     with np.errstate(divide="ignore", invalid="ignore"):
         spots = (pixels[:, :2] / pixels[:, 2:]).astype(np.float32)
     x, y = (spots - np.array(picture.corner, np.float32)).T
-    place = [np.nan_to_num(axis, nan=-9, posinf=-9, neginf=-9) for axis in (x, y)]
+    map_xy = [np.nan_to_num(axis, nan=-9, posinf=-9, neginf=-9) for axis in (x, y)]
     limit = 32_000  # cv2.remap takes no more rows than this
     parts = [slice(start, start + limit) for start in range(0, len(points), limit)]
 
@@ -165,12 +165,12 @@ def _sample(
         rows = [
             cv2.remap(
                 values,
-                place[0][part][:, None],
-                place[1][part][:, None],
+                map_xy[0][part][:, None],
+                map_xy[1][part][:, None],
                 cv2.INTER_LINEAR,
                 borderMode=cv2.BORDER_CONSTANT,
                 borderValue=(outside,) * 3,
-            ).reshape(len(place[0][part]), -1)
+            ).reshape(len(map_xy[0][part]), -1)
             for part in parts
         ]
         return np.concatenate(rows)

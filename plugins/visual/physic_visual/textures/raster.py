@@ -178,8 +178,10 @@ def split_at_seams(faces: Int64Array, corners: Int64Array, uv: FloatArray) -> Te
     )
     first = np.r_[True, pairs[1:, 0] != pairs[:-1, 0]]
     order = np.argsort(~first, kind="stable")  # one of each vertex, then the split ones
-    place = np.empty(len(order), np.int64)
-    place[order] = np.arange(len(order))
+    new_index = np.empty(len(order), np.int64)
+    new_index[order] = np.arange(len(order))
     return TextureCoordinates(
-        uv[pairs[order, 1]].astype(np.float32), pairs[order, 0], place[inverse.reshape(faces.shape)]
+        uv[pairs[order, 1]].astype(np.float32),
+        pairs[order, 0],
+        new_index[inverse.reshape(faces.shape)],
     )
