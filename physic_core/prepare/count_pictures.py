@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.prepare.border import MOST_SAMPLES
+from physic_core.prepare.border import MOST_SAMPLES, largest_channel
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
@@ -77,10 +77,10 @@ def _is_seam(across: UInt8Array, row: int) -> bool:
     near = across[row - reach : row + reach, :: max(1, across.shape[1] // MOST_SAMPLES)]
     rows = near.astype(np.int16)
     ends = rows[reach - 1 : reach + 1]
-    color_difference = np.abs(ends - np.median(ends, axis=1, keepdims=True)).max(-1)
+    color_difference = largest_channel(np.abs(ends - np.median(ends, axis=1, keepdims=True)))
     if np.percentile(color_difference, _PERCENTILE, axis=1).min() < _VARIES:
         return False
-    steps = np.abs(np.diff(rows, axis=0)).max(-1)
+    steps = largest_channel(np.abs(np.diff(rows, axis=0)))
     beside = np.maximum(steps[:-2], steps[2:])
     shares = (steps[1:-1] > beside + _SAME).mean(1)
     middle = reach - 2
@@ -94,10 +94,10 @@ def _strips(across: UInt8Array) -> list[tuple[int, int]]:
     (H, W, 3).
     """
     samples = across[:, :: max(1, across.shape[1] // MOST_SAMPLES)].astype(np.int16)
-    color: FloatArray = np.median(samples, axis=1)
-    color_difference = np.abs(samples - color[:, None]).max(-1)
+    color: FloatArray = np.median(samples, axis=1).astype(np.float32)  # exact
+    color_difference = largest_channel(np.abs(samples - color[:, None]))
     varies: FloatArray = np.percentile(color_difference, _PERCENTILE, axis=1)
-    steps = np.abs(np.diff(color, axis=0)).max(-1) > _SAME
+    steps = largest_channel(np.abs(np.diff(color, axis=0))) > _SAME
     plain = varies <= _VARIES
     begins = np.flatnonzero(plain & np.insert(steps | ~plain[:-1], 0, True))
     stops = np.flatnonzero(plain & np.append(steps | ~plain[1:], True)) + 1
@@ -109,7 +109,9 @@ def _strips(across: UInt8Array) -> list[tuple[int, int]]:
         step = _EDGE[0] + _EDGE[1] * varies[middle]
         sides = samples[max(0, start - _EDGE_ROWS) : start], samples[stop : stop + _EDGE_ROWS]
         differing_shares = [
-            (np.abs(rows - color[middle]).max(-1) > step).any(0).mean() if len(rows) else 0.0
+            (largest_channel(np.abs(rows - color[middle])) > step).any(0).mean()
+            if len(rows)
+            else 0.0
             for rows in sides
         ]
         if min(differing_shares) >= _SEEN and (color_difference[middle] > step).mean() <= _STRAY:

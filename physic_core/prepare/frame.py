@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.geometry.colors import lab_from_srgb
-from physic_core.prepare.border import find_border
+from physic_core.prepare.border import find_border, largest_channel
 from physic_core.prepare.count_pictures import count_pictures
 from physic_core.prepare.stereo_pair import half_of_stereo_pair
 
@@ -189,7 +189,7 @@ def smooth_background(image: UInt8Array) -> BoolArray | None:
     size = max(1, round(width / scale)), max(1, round(height / scale))
     small = cv2.medianBlur(cv2.resize(image, size, interpolation=cv2.INTER_AREA), 3).astype(int)
     outermost = np.concatenate([small[0], small[:, 0], small[:, -1]])
-    near = np.abs(small - np.median(outermost, axis=0)).max(-1) <= _ONE_COLOUR
+    near = largest_channel(np.abs(small - np.median(outermost, axis=0))) <= _ONE_COLOUR
     _, labels = cv2.connectedComponents(near.astype(np.uint8), connectivity=4)
     edge = np.concatenate([labels[0], labels[:, 0], labels[:, -1]])
     ground = near & np.isin(labels, edge)
@@ -300,7 +300,7 @@ def _blurred_sides(smooth: BoolArray) -> BoolArray:
 
 def _smooth_pixels(values: NDArray[np.int16]) -> UInt8Array:
     """Return where colours (H, W, 3) change no more than by the noise at the edge of a photo."""
-    steps = [np.abs(np.diff(values, axis=axis)).max(-1) for axis in (0, 1)]
+    steps = [largest_channel(np.abs(np.diff(values, axis=axis))) for axis in (0, 1)]
     noise = np.mean([*steps[0][:, 0], *steps[0][:, -1], *steps[1][0], *steps[1][-1]])
     most = min(_STEPS[0] + 3 * noise, _STEPS[1])
     smooth = np.ones(values.shape[:2], np.uint8)

@@ -28,6 +28,7 @@ def half_of_stereo_pair(image: UInt8Array) -> tuple[int, int] | None:
     """Return the axis and the length of the half of an image (H, W, 3) if both halves show the
     same, side by side or one over the other; None if not.
     """
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     for axis in (1, 0):
         across = image if axis == 1 else image.transpose(1, 0, 2)
         height, width = across.shape[:2]
@@ -37,15 +38,14 @@ def half_of_stereo_pair(image: UInt8Array) -> tuple[int, int] | None:
             continue
         scale = _TWIN_SIDE / max(height, half)
         size = max(_BLOCK, round(half * scale)), max(_BLOCK, round(height * scale))
-        grey = [
-            cv2.resize(
-                cv2.cvtColor(np.ascontiguousarray(part), cv2.COLOR_RGB2GRAY),
-                size,
-                interpolation=cv2.INTER_AREA,
-            ).astype(np.float32)
-            for part in (across[:, :half], across[:, -half:])
+        whole = grey if axis == 1 else grey.T
+        halves = [
+            cv2.resize(np.ascontiguousarray(part), size, interpolation=cv2.INTER_AREA).astype(
+                np.float32
+            )
+            for part in (whole[:, :half], whole[:, -half:])
         ]
-        views = grey if axis == 1 else [one.T for one in grey]
+        views = halves if axis == 1 else [one.T for one in halves]
         if _stereo_correlation(*(np.ascontiguousarray(one) for one in views)) >= _TWINS and (
             gap or _has_seam(across)
         ):
