@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.discovery.hooks import ExporterRecord
-from physic_core.discovery.plugins import Found, find_exporter, import_and_call
+from physic_core.discovery.plugins import FoundRecord, find_exporter, import_and_call
 from physic_core.errors import ConfigError, InputError, OutputError, PluginError
 from physic_core.files.atomic import (
     MARK,
@@ -216,7 +216,7 @@ def export_reconstruction(
     return Exported(paths, (*notes, *frame.notes, *made.notes))
 
 
-def _target(path: Path, format: str | None) -> tuple[Found[ExporterRecord], Path, str, str]:
+def _target(path: Path, format: str | None) -> tuple[FoundRecord[ExporterRecord], Path, str, str]:
     """Return the exporter, and folder, stem and suffix of the files.
 
     Raises:

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 from physic_core.discovery.hooks import PluginItem
-from physic_core.discovery.plugins import Found, absence_message, find_items, import_and_call
+from physic_core.discovery.plugins import FoundRecord, absence_message, find_items, import_and_call
 from physic_core.errors import ConfigError, PackageMissingError, PluginError
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def report_html(reconstruction: Reconstruction | InputError, title: str = "") ->
     return make_pictures(reconstruction, [REPORT_FILE], title)[REPORT_FILE].decode()
 
 
-def require_pictures() -> Found[PluginItem]:
+def require_pictures() -> FoundRecord[PluginItem]:
     """Return the installed plugin that makes pictures, without importing it.
 
     Raises:

@@ -12,7 +12,7 @@ import click
 
 if TYPE_CHECKING:
     from physic_core.discovery.hooks import PluginItem
-    from physic_core.discovery.plugins import Found
+    from physic_core.discovery.plugins import FoundRecord
 
 
 _CURES = {
@@ -118,10 +118,10 @@ class ExtensibleGroup(click.Group):
         self.path = path
         self.own = dict(own or {})
 
-    def _plugin_commands(self) -> dict[str, Found[PluginItem]]:
+    def _plugin_commands(self) -> dict[str, FoundRecord[PluginItem]]:
         from physic_core.discovery.plugins import find_items
 
-        added: dict[str, Found[PluginItem]] = {}
+        added: dict[str, FoundRecord[PluginItem]] = {}
         for command in find_items("physic_commands"):
             path, _, name = command.record.name.rpartition(" ")
             if path == self.path and name not in self.own and name not in self.commands:
@@ -160,7 +160,7 @@ class ExtensibleGroup(click.Group):
             formatter.write_dl(sorted(summaries.items()))
 
 
-def _load(command: Found[PluginItem]) -> click.Command:
+def _load(command: FoundRecord[PluginItem]) -> click.Command:
     """Import a plugin's command.
 
     Raises:

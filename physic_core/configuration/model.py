@@ -41,7 +41,7 @@ from physic_core.configuration.layers import (
 from physic_core.configuration.problems import Problem, config_error, problems_from_pydantic
 from physic_core.discovery.catalog import ENGINE_PRESETS
 from physic_core.discovery.hooks import PluginItem
-from physic_core.discovery.plugins import Found, find_item, find_items, import_item
+from physic_core.discovery.plugins import FoundRecord, find_item, find_items, import_item
 from physic_core.engine.settings import EngineSettings, with_overrides
 from physic_core.errors import ConfigError, PluginError
 from physic_core.files.text import path_problem, quoted
@@ -633,5 +633,5 @@ def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:
     return settings
 
 
-def _find(name: str) -> Found[PluginItem]:
+def _find(name: str) -> FoundRecord[PluginItem]:
     return find_item(_HOOK, name, "engine preset", own=DEFAULT_ENERGY, known=ENGINE_PRESETS)

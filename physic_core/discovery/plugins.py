@@ -38,7 +38,7 @@ _Record = TypeVar("_Record", bound=PluginItem | ExporterRecord)
 
 
 @dataclass(frozen=True)
-class Found(Generic[_Record]):
+class FoundRecord(Generic[_Record]):
     """A record that a hook returned, and the owner of the hook."""
 
     record: _Record
@@ -70,15 +70,15 @@ class BrokenPlugin:
         return f"{f'{self.distribution} {self.version}'.rstrip()} ({self.cause})"
 
 
-def find_items(hook: str) -> tuple[Found[Any], ...]:
+def find_items(hook: str) -> tuple[FoundRecord[Any], ...]:
     """Return what all plugins return from a hook of :mod:`physic_core.discovery.hooks`; broken
     plugins are skipped.
     """
-    items: list[Found[Any]] = []
+    items: list[FoundRecord[Any]] = []
     for offer in installed_offers(HOOKS_GROUP):
         with suppress(Exception):  # listed by broken_plugins
             items += [
-                Found(record, offer.distribution, offer.version)
+                FoundRecord(record, offer.distribution, offer.version)
                 for record in _items_of_hook(offer, hook)
             ]
     return tuple(items)
@@ -110,7 +110,7 @@ def broken_plugins() -> tuple[BrokenPlugin, ...]:
 
 def find_item(
     hook: str, name: str, role: str, *, own: str, known: Mapping[str, str]
-) -> Found[PluginItem]:
+) -> FoundRecord[PluginItem]:
     """Return the item of a name that a plugin adds.
 
     Args:
@@ -138,7 +138,7 @@ def find_item(
     )
 
 
-def import_item(found: Found[Any], role: str) -> Any:
+def import_item(found: FoundRecord[Any], role: str) -> Any:
     """Import the target of an item; ``role`` as in :func:`find_item`.
 
     Raises:
@@ -149,7 +149,7 @@ def import_item(found: Found[Any], role: str) -> Any:
         return getattr(import_module(module), attribute)
 
 
-def import_and_call(found: Found[Any], role: str, *arguments: object) -> Any:
+def import_and_call(found: FoundRecord[Any], role: str, *arguments: object) -> Any:
     """Import the function that the target of a record names, and call it with the arguments.
 
     Raises:
@@ -212,7 +212,7 @@ def _relay_to(module: ModuleType) -> pluggy.HookRelay:
     return manager.hook
 
 
-def find_exporters() -> tuple[Found[ExporterRecord], ...]:
+def find_exporters() -> tuple[FoundRecord[ExporterRecord], ...]:
     """Return the exporters of all installed plugins, sorted by name.
 
     Nothing of them is imported.
@@ -221,7 +221,7 @@ def find_exporters() -> tuple[Found[ExporterRecord], ...]:
     return tuple(sorted(exporters, key=lambda exporter: exporter.record.name))
 
 
-def missing_formats_hint(exporters: Sequence[Found[ExporterRecord]]) -> tuple[str, ...]:
+def missing_formats_hint(exporters: Sequence[FoundRecord[ExporterRecord]]) -> tuple[str, ...]:
     """Return a sentence about the project's formats that are not installed, or none if these
     exporters have them.
     """
@@ -239,7 +239,7 @@ _WAYS = {
 """Format and program -> formats that the program makes of it, and no exporter writes."""
 
 
-def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
+def find_exporter(name: str | None, suffix: str = "") -> FoundRecord[ExporterRecord]:
     """Return the exporter of a format by its name or, without a name, by a file suffix (".glb").
 
     Its ``record`` is an :class:`physic_core.ExporterRecord`, its ``distribution`` the plugin's

@@ -129,12 +129,12 @@ class DefaultJointStage(JointStageMethod):
             offset_sigma = torch.zeros_like(offset_sigma)
         if not offset_sigma.any():
             frozen.add("offset")
-        around = sampling.around
-        if not len(around.points) and around.floor is None:
+        surroundings = sampling.surroundings
+        if not len(surroundings.points) and surroundings.floor is None:
             frozen.add("scale")  # nothing constrains the scale
         scale_sigma = DEPTH_SCALE_SIGMA if state.scale_sigma is None else state.scale_sigma
-        if around.floor is not None:
-            scale_sigma = min(scale_sigma, around.floor.height_sigma)
+        if surroundings.floor is not None:
+            scale_sigma = min(scale_sigma, surroundings.floor.height_sigma)
         return Variables(
             state.rotations,
             state.betas,

@@ -73,12 +73,12 @@ class MatchedBodies(ShortRepr):
 
     Attributes:
         source: what states them, in words.
-        is_of: (N,) bool, people whose body it is.
+        has_given_body: (N,) bool, people whose body it is.
         joints: (N, 55, 3) metres, camera frame, as given; NaN of others.
     """
 
     source: str
-    is_of: BoolArray = field(metadata=shape("N"))
+    has_given_body: BoolArray = field(metadata=shape("N"))
     joints: FloatArray = field(metadata=shape("N", 55, 3))
 
 
@@ -107,7 +107,7 @@ class Estimates(ShortRepr):
         contradicted_px: (N, J), how far mask and detector contradict them, px; None if none.
         given_bodies: the bodies that the user gives, in the frame of the camera; None if none.
         file_px_per_px: px of the photo file in one px of ``image``, stated if keypoints are given.
-        reading: how a depth or point map of the user's fits the photo; None without one.
+        depth_comparison: how a depth or point map of the user's fits the photo; None without one.
     """
 
     image: UInt8Array
@@ -126,7 +126,7 @@ class Estimates(ShortRepr):
     contradicted_px: FloatArray | None = field(default=None, metadata=PER_PERSON)
     file_px_per_px: float = 1.0
     given_bodies: MatchedBodies | None = field(default=None, metadata=PER_PERSON)
-    reading: Comparison | None = None
+    depth_comparison: Comparison | None = None
 
     def __post_init__(self) -> None:
         count = len(self.photo.people)

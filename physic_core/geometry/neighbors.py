@@ -52,12 +52,12 @@ class Nearest:
     Attributes:
         index: (...) int64 row of the nearest scene point; 0 if none was found.
         distance: (...) metres in the scaled scene; inf if none was found.
-        found: (...) bool, whether a scene point lies within the radius.
+        is_found: (...) bool, whether a scene point lies within the radius.
     """
 
     index: Tensor
     distance: Tensor
-    found: Tensor
+    is_found: Tensor
 
 
 class NearestPointSearch:

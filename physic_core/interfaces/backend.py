@@ -138,7 +138,7 @@ class Repository:
         url: for ``git clone``.
         commit: hexadecimal digits of the commit that the backend was tested with; "" if none was.
         folder: value of the option, "" if it is not set.
-        found: commit of that folder; "" if it is not a checkout.
+        local_commit: commit of that folder; "" if it is not a checkout.
         is_here: whether the code is there, or installed in the environment.
     """
 
@@ -147,7 +147,7 @@ class Repository:
     url: str
     commit: str = ""
     folder: str = ""
-    found: str = ""
+    local_commit: str = ""
     is_here: bool = False
 
 

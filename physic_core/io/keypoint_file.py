@@ -43,8 +43,8 @@ class GivenKeypoints(ShortRepr):
             file.
         joint: K names.
         points: (K, 2) px.
-        numbered: whether ``person`` is a number in the result; otherwise people are matched to
-            annotations.
+        has_person_numbers: whether ``person`` is a number in the result; otherwise people are
+            matched to annotations.
         file_px_per_px: px of the photo file in one px of ``points``.
         confidence: (K,) in (0, 1], the score of another program, or 1; None if all are 1.
         notes: what was left out or changed when the file was read.
@@ -53,7 +53,7 @@ class GivenKeypoints(ShortRepr):
     person: tuple[int, ...]
     joint: tuple[str, ...]
     points: FloatArray
-    numbered: bool
+    has_person_numbers: bool
     file_px_per_px: float = 1.0
     confidence: FloatArray | None = None
     notes: tuple[str, ...] = ()

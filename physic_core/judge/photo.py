@@ -237,12 +237,12 @@ def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
     what is right.
     """
     photo = estimates.photo
-    comparison = estimates.reading or compare_depth(
+    comparison = estimates.depth_comparison or compare_depth(
         estimates.depth.depth, (photo.scene_map,), result.intrinsics
     )
     if not comparison.what:
         return None
-    source = "that you gave" if estimates.reading else f"of {estimates.depth_backend}"
+    source = "that you gave" if estimates.depth_comparison else f"of {estimates.depth_backend}"
     return comparison.ratio, f"the depth {source} was used, but {comparison}"
 
 
@@ -257,7 +257,7 @@ def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
 )
 def depth_fits(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the share of a network's depth that your depth or point map does not explain."""
-    return None if estimates.reading is None else estimates.reading.error
+    return None if estimates.depth_comparison is None else estimates.depth_comparison.error
 
 
 @_check(

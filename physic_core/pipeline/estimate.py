@@ -85,7 +85,7 @@ def run_backends(run: PhotoRun) -> Estimates:
     }
     return Estimates(
         image=run.image,
-        camera_by_user_or_file=run.given.photo.intrinsics is not None,
+        camera_by_user_or_file=run.prepared.photo.intrinsics is not None,
         photo=photo,
         inpainted=inpainting.image,
         ground=ground.expanded(has_body),
@@ -94,12 +94,12 @@ def run_backends(run: PhotoRun) -> Estimates:
         depth=depth,
         depth_backend=plan.backends["metric_depth"].title,
         missing_results=_missing_results(missing, len(no_body)),
-        known=run.given.known,
+        known=run.prepared.known,
         is_given_keypoint=joints.is_changed,
         contradicted_px=joints.contradicted_px,
         file_px_per_px=joints.file_px_per_px,
         given_bodies=matched_bodies,
-        reading=maps.reading,
+        depth_comparison=maps.depth_comparison,
     )
 
 

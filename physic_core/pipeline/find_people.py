@@ -116,15 +116,15 @@ def find_people(run: PhotoRun) -> FoundPeople:
     """Find the people, all from left to right or those whom the user chose in that order, and what
     the user knows of them.
     """
-    prompt = run.given.people
+    prompt = run.prepared.people
     ignored = None
     if prompt is not None and prompt.ignored:
         ignored = prompt
         prompt = None
     segmented = _segment_with_masks(run, prompt, required=run.plan.photo.require_people)
-    if run.given.masks is not None:
-        _check_masks(segmented.people.masks, run.given.masks)
-        people, count = with_given_masks(segmented.people, run.given.masks)
+    if run.prepared.masks is not None:
+        _check_masks(segmented.people.masks, run.prepared.masks)
+        people, count = with_given_masks(segmented.people, run.prepared.masks)
         run.stages.note(f"given masks of {count} of {len(people)} people")
         segmented = replace(segmented, people=people)
     if ignored is not None:
@@ -135,7 +135,7 @@ def find_people(run: PhotoRun) -> FoundPeople:
     segmented = _keep_people(segmented, real, same)
     if run.plan.photo.require_people and not len(segmented.people):
         raise NoPersonError("a person is required, but all people of the photo were left out")
-    sizes = run.given.known
+    sizes = run.prepared.known
     if prompt is None:
         segmented, body = _with_given_bodies(run, segmented)
         order = order_left_to_right(segmented.people)
@@ -166,7 +166,7 @@ def _with_given_bodies(
         return segmented, rows
     from physic_core.prepare.bodies import match_to_people
 
-    camera = run.given.photo.intrinsics
+    camera = run.prepared.photo.intrinsics
     rows, outlines = match_to_people(given_bodies, run.model, camera, segmented.people)
     if run.plan.photo.bodies_final and (rows < 0).any():
         segmented = _move_to_unposed(segmented, rows < 0, "no given body is there")
@@ -253,7 +253,7 @@ def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> S
             if takes_prompt
             else "if the photo shows a person, use another segmenter"
         )
-        if required and run.given.bodies is None:
+        if required and run.prepared.bodies is None:
             height, width = run.image.shape[:2]
             raise NoPersonError(
                 f"no person was found in the photo of {width} x {height} px by {segmenter.title}: "
@@ -296,7 +296,7 @@ def find_keypoints(run: PhotoRun, people: People) -> FoundKeypoints:
     if run.wants("keypoints", people):
         detected = run.call("keypoints", KeypointDetectorRequest(run.image, people))
         no_keypoints = FoundKeypoints(*discard_invalid_keypoints(detected))
-    given_keypoints = run.given.keypoints
+    given_keypoints = run.prepared.keypoints
     if given_keypoints is None:
         return no_keypoints
     from physic_core.prepare.keypoints import contradicted_keypoints, corrected_keypoints
@@ -411,12 +411,14 @@ def use_given_bodies(
         given_bodies, rows = place_by_keypoints(given_bodies, run.model, photo), np.zeros(1, int)
     bodies, matched, warnings = with_given_bodies(given_bodies, rows, photo, bodies, run.model)
     run.stages.warn(*warnings)
-    run.stages.note(f"bodies of {matched.is_of.sum()} of {len(rows)} people: {given_bodies.source}")
+    run.stages.note(
+        f"bodies of {matched.has_given_body.sum()} of {len(rows)} people: {given_bodies.source}"
+    )
     if photo.known.stature is not None:
         from physic_core.engine.sizes.stature import bodies_of_stature
 
         bodies = bodies_of_stature(bodies, run.model, photo.known.stature)
-    return bodies, no_body & ~matched.is_of, matched
+    return bodies, no_body & ~matched.has_given_body, matched
 
 
 def hints_with_bodies(run: PhotoRun, photo: PhotoContent, bodies: Bodies, hints: Hints) -> Hints:

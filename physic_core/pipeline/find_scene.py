@@ -62,7 +62,7 @@ class Maps(ShortRepr):
         camera: of both.
         metric_depth: metric depth with a scale of its own, without the hole; None without one.
         hints: for the next backend, with the scene as it was measured or estimated.
-        reading: of a depth or point map of a file; None without one.
+        depth_comparison: of a depth or point map of a file; None without one.
     """
 
     inpainting: Inpainting
@@ -71,7 +71,7 @@ class Maps(ShortRepr):
     camera: Intrinsics
     metric_depth: DepthMap | None
     hints: Hints
-    reading: Comparison | None = None
+    depth_comparison: Comparison | None = None
 
 
 @dataclass(frozen=True)
@@ -106,16 +106,19 @@ def map_photo(run: PhotoRun, people: People, keypoints: Keypoints, inpainting: I
     from physic_core.engine.up import with_up_of_file
 
     hole = inpainting.hole
-    camera = run.given.photo.intrinsics
+    camera = run.prepared.photo.intrinsics
     hints = Hints(camera, people, keypoints, hole, photo=run.image)
     scene = _pointmap(run, "scene point map", inpainting.image, hints)
-    scene, doubt = with_up_of_file(scene, run.given.photo.up)
+    scene, doubt = with_up_of_file(scene, run.prepared.photo.up)
     run.stages.warn(*filter(None, (doubt,)))
     camera = camera or scene.intrinsics or _camera_of(scene)
     hints = replace(hints, intrinsics=camera, hole=None, photo=None, scene=scene)
     original = _pointmap(run, "photo point map", run.image, hints) if hole.any() else scene
-    reading, references = _compared_points(run, original, camera) or (None, (original, scene))
-    maps = Maps(inpainting, scene, original, camera, None, hints, reading)
+    depth_comparison, references = _compared_points(run, original, camera) or (
+        None,
+        (original, scene),
+    )
+    maps = Maps(inpainting, scene, original, camera, None, hints, depth_comparison)
     if run.resolved("metric depth").backend.sees != "photo":
         return maps
     return _with_depth_of_photo(run, maps, references, people)
@@ -185,7 +188,7 @@ def _with_depth_of_photo(
 
     hole, scene, original = maps.inpainting.hole, maps.scene, maps.original
     whole = run.call("metric depth", MetricDepthRequest(run.image))
-    maps = replace(maps, reading=_as_read("depth", whole.depth, references, maps.camera))
+    maps = replace(maps, depth_comparison=_as_read("depth", whole.depth, references, maps.camera))
     visible_depth = mask_hole(whole, hole)
     if visible_depth is None or not is_measured(visible_depth):
         return replace(maps, metric_depth=visible_depth)

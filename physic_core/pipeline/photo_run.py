@@ -52,14 +52,14 @@ class PhotoRun:
         stages: calls the backends and records the run.
     """
 
-    given: PreparedPhoto
+    prepared: PreparedPhoto
     plan: ResolvedPipeline
     stages: StageCaller
 
     @property
     def image(self) -> UInt8Array:
         """The photo (H, W, 3) uint8 RGB."""
-        return self.given.photo.image
+        return self.prepared.photo.image
 
     @cached_property
     def model(self) -> BodyModel:
@@ -71,12 +71,12 @@ class PhotoRun:
     @cached_property
     def bodies(self) -> GivenBodies | None:
         """Bodies of the model that the user gives; None without any."""
-        if self.given.bodies is None:
+        if self.prepared.bodies is None:
             return None
         from physic_core.pipeline.backend_results import convert_to_configured
         from physic_core.prepare.bodies import in_configured_model
 
-        given = self.given.bodies
+        given = self.prepared.bodies
         self.stages.note(*given.notes)
         bodies = given.bodies
         if bodies.body_model != self.model.name:

@@ -124,7 +124,7 @@ def _people(
 
 def _given_fields(matched: MatchedBodies | None, person: int) -> dict[str, Any]:
     """Return what the user gives as the body of a person, as fields of a Person."""
-    if matched is None or not matched.is_of[person]:
+    if matched is None or not matched.has_given_body[person]:
         return {}
     return {"body_source": matched.source, "given_joints": matched.joints[person]}
 
@@ -363,8 +363,8 @@ def describe_repositories(plan: ResolvedPipeline) -> tuple[dict[str, Any], tuple
     for resolved in plan.backends.values():
         with suppress(Exception):  # of a plugin; the result is complete without its statement
             for one in resolved.backend.requirements():
-                if isinstance(one, Repository) and one.found:
-                    repositories[one.url] = {"commit": one.found, "state": _commit_text(one)}
+                if isinstance(one, Repository) and one.local_commit:
+                    repositories[one.url] = {"commit": one.local_commit, "state": _commit_text(one)}
     others = tuple(
         f"the checkout of {url} is at {entry['commit'][:7]}, not at the commit that was tested"
         for url, entry in repositories.items()
@@ -376,4 +376,4 @@ def describe_repositories(plan: ResolvedPipeline) -> tuple[dict[str, Any], tuple
 def _commit_text(repository: Repository) -> str:
     if not repository.commit:
         return "unpinned"
-    return "tested" if repository.found.startswith(repository.commit) else "differs"
+    return "tested" if repository.local_commit.startswith(repository.commit) else "differs"

@@ -196,9 +196,9 @@ def with_given_bodies(
     Raises:
         InputError: keypoints show that the bodies are upside down.
     """
-    is_of = rows >= 0
-    parameters, joints = _in_photo_camera(given, rows[is_of], model, photo.camera)
-    warnings = _contradictions(given.source, parameters, model, photo, is_of)
+    has_given_body = rows >= 0
+    parameters, joints = _in_photo_camera(given, rows[has_given_body], model, photo.camera)
+    warnings = _contradictions(given.source, parameters, model, photo, has_given_body)
     distance = np.inf if given.distance_sigma is None else given.distance_sigma
     errors = {
         "rotation_sigma": rotation_sigmas(joints, given.sigma_m),
@@ -207,19 +207,21 @@ def with_given_bodies(
         "distance_sigma": np.full(len(joints), distance),
     }
     stated: dict[str, Any] = {
-        name: _with_replaced_rows(getattr(bodies, name), is_of, value)
+        name: _with_replaced_rows(getattr(bodies, name), has_given_body, value)
         for name, value in errors.items()
     }
     changed = replace(
         bodies,
-        parameters=_merged_parameters(bodies.parameters, is_of, parameters),
+        parameters=_merged_parameters(bodies.parameters, has_given_body, parameters),
         joints=None,
         mesh=None,
         **stated,
     )
     return (
         changed,
-        MatchedBodies(given.source, is_of, _with_replaced_rows(None, is_of, joints)),
+        MatchedBodies(
+            given.source, has_given_body, _with_replaced_rows(None, has_given_body, joints)
+        ),
         warnings,
     )
 
@@ -245,13 +247,15 @@ def _in_photo_camera(
 
 
 def _merged_parameters(
-    estimated: BodyParameters, is_of: BoolArray, given: BodyParameters
+    estimated: BodyParameters, has_given_body: BoolArray, given: BodyParameters
 ) -> BodyParameters:
     """Return the parameters of N people, with given ones of some; hands that are flat are
     estimated.
     """
     merged = {
-        one.name: _with_replaced_rows(getattr(estimated, one.name), is_of, getattr(given, one.name))
+        one.name: _with_replaced_rows(
+            getattr(estimated, one.name), has_given_body, getattr(given, one.name)
+        )
         for one in fields(given)
     }
     for name in ("left_hand_pose", "right_hand_pose"):
@@ -261,12 +265,14 @@ def _merged_parameters(
     return BodyParameters(**merged)
 
 
-def _with_replaced_rows(values: FloatArray | None, is_of: BoolArray, new: FloatArray) -> FloatArray:
+def _with_replaced_rows(
+    values: FloatArray | None, has_given_body: BoolArray, new: FloatArray
+) -> FloatArray:
     """Return values (N, ...) of people, NaN if there are none, with those of some (n, ...)."""
-    out = np.full((len(is_of), *new.shape[1:]), np.nan, np.float32)
+    out = np.full((len(has_given_body), *new.shape[1:]), np.nan, np.float32)
     if values is not None:
         out[:] = values
-    out[is_of] = new
+    out[has_given_body] = new
     return out
 
 
@@ -285,14 +291,18 @@ def rotation_sigmas(joints: FloatArray, sigma_m: float) -> FloatArray:
 
 
 def _contradictions(
-    source: str, given: BodyParameters, model: BodyModel, photo: PhotoContent, is_of: BoolArray
+    source: str,
+    given: BodyParameters,
+    model: BodyModel,
+    photo: PhotoContent,
+    has_given_body: BoolArray,
 ) -> tuple[str, ...]:
     """Return warnings of bodies (n,) of some people (N,) bool that the keypoints contradict.
 
     Raises:
         InputError: most bodies are upside down by the keypoints.
     """
-    error, by_sides, by_turn = _keypoint_readings(given, model, photo, is_of).T
+    error, by_sides, by_turn = _keypoint_readings(given, model, photo, has_given_body).T
     far = error > _OFF
     if 2 * (far & (by_turn < _MUCH_BETTER * error)).sum() > len(error):
         raise InputError(
@@ -305,7 +315,7 @@ def _contradictions(
         (swapped, "left and right of the given bodies seem swapped by the keypoints of"),
         (far & ~swapped, "the given bodies are far from the keypoints of"),
     ):
-        people = np.flatnonzero(is_of)[which].tolist()
+        people = np.flatnonzero(has_given_body)[which].tolist()
         if people:
             shares = ", ".join(f"{share:.0%}" for share in error[which])
             warnings.append(
@@ -316,7 +326,7 @@ def _contradictions(
 
 
 def _keypoint_readings(
-    given: BodyParameters, model: BodyModel, photo: PhotoContent, is_of: BoolArray
+    given: BodyParameters, model: BodyModel, photo: PhotoContent, has_given_body: BoolArray
 ) -> FloatArray:
     """Return the mean distances (n, 3) of bodies from the keypoints of their people, as shares of
     their size: as they are, with left and right exchanged, and upside down; NaN with few keypoints.
@@ -327,7 +337,9 @@ def _keypoint_readings(
     drawn = drawn * [camera.fx, camera.fy] + [camera.cx, camera.cy]
     mirrored = mirrored_order(keypoints.joint_set.names)
     errors = np.full((len(drawn), 3), np.nan)
-    people = zip(drawn, keypoints.points[is_of], keypoints.confidence[is_of], strict=True)
+    people = zip(
+        drawn, keypoints.points[has_given_body], keypoints.confidence[has_given_body], strict=True
+    )
     for row, (body, points, confidence) in enumerate(people):
         visible = confidence >= SURE_CONFIDENCE
         if visible.sum() >= _FEWEST:

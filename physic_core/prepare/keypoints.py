@@ -182,7 +182,7 @@ def _without_unknown_joints(
     Names that the user typed in CSV are not left out; :func:`_column` refuses them.
     """
     known = np.array([joint in names or f"{joint}_surface" in names for joint in given.joint])
-    if given.numbered or known.all() or not known.any():
+    if given.has_person_numbers or known.all() or not known.any():
         return given, ()
     known_rows = np.flatnonzero(known).tolist()
     chosen = replace(
@@ -217,7 +217,7 @@ def _match_people(given: GivenKeypoints, people: People) -> tuple[dict[int, int]
     """
     count = len(people)
     numbers = sorted(set(given.person))
-    if given.numbered:
+    if given.has_person_numbers:
         if wrong := [number for number in numbers if not 0 <= number < count]:
             raise InputError(
                 f"keypoints are given for person {wrong[0]}, and {count} people were found: number "

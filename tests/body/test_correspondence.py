@@ -44,7 +44,7 @@ def test_vertices_find_their_places_on_the_other_body(onto_embedded, embedded, o
     assert apart.mean() < 0.6e-3
     assert np.percentile(apart, 95) < 2e-3
     assert apart.max() < 20e-3
-    assert onto_embedded.sure[outer].mean() > 0.98
+    assert onto_embedded.is_sure[outer].mean() > 0.98
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +115,7 @@ def test_a_map_is_kept_and_found_again(embedded, onto_other, other_model, tmp_pa
     found = cached_correspondence(rest, embedded)
     assert_array_equal(found.corners, onto_other.corners)
     assert_allclose(found.shares, onto_other.shares, atol=1e-6)
-    assert_array_equal(found.sure, onto_other.sure)
+    assert_array_equal(found.is_sure, onto_other.is_sure)
     never.assert_not_called()
     with pytest.raises(LookupError):
         cached_correspondence(replace(rest, vertices=rest.vertices + np.float32(1e-4)), embedded)

@@ -89,7 +89,7 @@ def scene(
     relative = PixelPoints(points, ALL, unknown)
     candidates = scene_floor_candidates(relative, evidence)
     found = describe_floor(candidates, index_of_best(candidates), evidence)
-    evidence = replace(evidence, found=found)
+    evidence = replace(evidence, known_search=found)
     cameras = cameras or Cameras(metric_depth=K)
     return build_scene(relative, depth, cameras, evidence, settings or SceneStageMethod())
 

@@ -35,13 +35,13 @@ def test_tree_equals_plain_search(scale):
     every = torch.cdist(
         query.double(), scale * points.double(), compute_mode="donot_use_mm_for_euclid_dist"
     ).amin(-1)
-    assert got.found.any()
-    assert not got.found.all()
-    assert torch.equal(got.found, every < 0.15)
-    assert torch.isinf(got.distance[~got.found]).all()
-    assert_close(got.distance[got.found].double(), every[got.found], atol=1e-6, rtol=0)
+    assert got.is_found.any()
+    assert not got.is_found.all()
+    assert torch.equal(got.is_found, every < 0.15)
+    assert torch.isinf(got.distance[~got.is_found]).all()
+    assert_close(got.distance[got.is_found].double(), every[got.is_found], atol=1e-6, rtol=0)
     near = points[got.index] * scale - query
-    assert_close(near.norm(dim=-1)[got.found], got.distance[got.found], atol=1e-6, rtol=0)
+    assert_close(near.norm(dim=-1)[got.is_found], got.distance[got.is_found], atol=1e-6, rtol=0)
 
 
 def test_a_vertex_that_is_not_a_number_is_near_nothing():
@@ -49,7 +49,7 @@ def test_a_vertex_that_is_not_a_number_is_near_nothing():
     broken = vertices()[0, :4].clone()
     broken[1, 2] = float("nan")
     query = NearestPointSearch(points, normals, radius=10.0).query(broken)
-    assert query.found.tolist() == [True, False, True, True]
+    assert query.is_found.tolist() == [True, False, True, True]
 
 
 def test_points_in_the_enlarged_box_of_any_body_are_in_it():

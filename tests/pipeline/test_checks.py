@@ -208,7 +208,7 @@ def case(
         contradicted_px=None,
         depth=SimpleNamespace(intrinsics=None, depth=depth, scale_sigma=0.03),
         depth_backend="metric_depth 'x'",
-        reading=None,
+        depth_comparison=None,
         missing_results=(lost,),
         image=photo_of(colours),
         photo=SimpleNamespace(

@@ -115,7 +115,7 @@ def surface_distances(
     along = (normals * offsets).sum(-1)
     inside = along < 0 if free is None else (along < 0) & ~free
     magnitude = measure(offsets, normals, nearest.distance)
-    signed = torch.where(nearest.found, torch.where(inside, -magnitude, magnitude), far)
+    signed = torch.where(nearest.is_found, torch.where(inside, -magnitude, magnitude), far)
     return SurfaceDistances(signed, height, nearest.index, normals)
 
 
@@ -157,16 +157,16 @@ class Distances:
         normals: (N, V, 3) unit, out of the bodies.
         surface: to scene and floor.
         parts: of the scene's points, which ``surface.point`` indexes.
-        people: to the skin of other people that they meet.
-        own: to the skin of other parts of the same body that they meet.
+        people_skin: to the skin of other people that they meet.
+        own_skin: to the skin of other parts of the same body that they meet.
         skin_contacts: of parts that touch skin by the observer.
     """
 
     normals: Tensor
     surface: SurfaceDistances
     parts: SceneParts
-    people: SkinDistances
-    own: SkinDistances
+    people_skin: SkinDistances
+    own_skin: SkinDistances
     skin_contacts: tuple[SkinContact, ...] = ()
 
     @property
@@ -178,7 +178,9 @@ class Distances:
     @property
     def by_kind(self) -> Tensor:
         """Signed distances (3, N, V), in the order of :data:`KINDS`, without objects."""
-        return torch.stack([self.surface.nearest, self.people.distance, self.own.distance])
+        return torch.stack(
+            [self.surface.nearest, self.people_skin.distance, self.own_skin.distance]
+        )
 
 
 GIVE_M: Mapping[str, float] = {

@@ -72,14 +72,16 @@ class ContactStageMethod:
     bar in their hands (:mod:`physic_core.engine.contact.support`).
     """
 
-    def surfaces(self, around: Surroundings, vertices: Tensor, scale: float) -> ContactSurfaces:
+    def surfaces(
+        self, surroundings: Surroundings, vertices: Tensor, scale: float
+    ) -> ContactSurfaces:
         """Return what bodies (N, V, 3), metres, may touch: the scaled scene near them, and the
         plane of the floor.
         """
-        points = around.points * scale
+        points = surroundings.points * scale
         is_near = inside_body_boxes(points, vertices, SEARCH_RADIUS_M)
-        scene = NearestPointSearch(points[is_near], around.normals[is_near], SEARCH_RADIUS_M)
-        floor = around.floor and around.floor.scaled(scale)
+        scene = NearestPointSearch(points[is_near], surroundings.normals[is_near], SEARCH_RADIUS_M)
+        floor = surroundings.floor and surroundings.floor.scaled(scale)
         return ContactSurfaces(scene, is_near.nonzero(as_tuple=True)[0], floor)
 
     def free_vertices(self, state: State) -> Tensor | None:

@@ -139,7 +139,7 @@ def _skin_partners(
     touched: Tensor, near: Distances, regions: ContactRegions
 ) -> Iterator[tuple[Tensor, ContactPartner]]:
     """Yield the vertices (N, V) bool of each body part of people that skin touches."""
-    for kind, skin in (("person", near.people), ("own body", near.own)):
+    for kind, skin in (("person", near.people_skin), ("own body", near.own_skin)):
         on_skin = touched == KINDS.index(kind)
         person = skin.person if kind == "person" else torch.zeros_like(skin.person)
         pair = person * len(regions.names) + regions.region[skin.vertex]

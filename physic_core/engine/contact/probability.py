@@ -258,7 +258,7 @@ def skin_contact_probability(near: Distances) -> Tensor:
     """Return the probability (2, N, V) that a vertex touches skin of another person, and of the own
     body.
     """
-    probability = near.people.distance.new_zeros(2, *near.people.distance.shape)
+    probability = near.people_skin.distance.new_zeros(2, *near.people_skin.distance.shape)
     for contact in near.skin_contacts:
         kind = int(contact.other == contact.person)
         probability[kind, contact.person, contact.skin] = contact.probability

@@ -135,7 +135,7 @@ def _find_supports(
     state: State, near: Distances, touch: Touch, method: ContactStageMethod
 ) -> tuple[PersonSupport | None, ...]:
     """Return the support of each person; None for people with non-finite vertices."""
-    normal_below = near.normals[near.people.person, near.people.vertex] @ state.up
+    normal_below = near.normals[near.people_skin.person, near.people_skin.vertex] @ state.up
     # a lap carries, a neighbour's thigh does not
     beside = (touch.kind == _PERSON) & (normal_below < FACES_UP)
     outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & (touch.kind != _OBJECT) & ~beside
@@ -311,7 +311,7 @@ def _describe_contacts(
             index[i],
             probability,
             gaps={name: float(by_person[i]) for name, by_person in touch.gaps.items()},
-            distance_from_people=near.people.distance[i],
+            distance_from_people=near.people_skin.distance[i],
             min_probability=LEAST_PROBABILITY,
         )
         contacts.append(listed)

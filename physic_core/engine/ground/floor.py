@@ -126,7 +126,7 @@ class FloorEvidence:
         other_masks: (H, W) bool each, other masks of what may be the floor.
         ground_at_soles: of people whose soles are seen.
         backgrounds: background around people who are seen from shoulders to ankles.
-        found: the answer for the same photo; None before the search.
+        known_search: the answer for the same photo; None before the search.
         up: against gravity, by other evidence than the floor; None if there is none.
         slope_sigma_deg: standard deviation of the floor's normal from up, degrees.
         focal_sigma: standard deviation of the logarithm of the focal length.
@@ -141,7 +141,7 @@ class FloorEvidence:
     other_masks: tuple[Tensor, ...] = ()
     ground_at_soles: tuple[GroundAtSoles, ...] = ()
     backgrounds: tuple[Background, ...] = ()
-    found: FloorSearch | None = None
+    known_search: FloorSearch | None = None
     up: Up | None = None
     slope_sigma_deg: float = 0.0
     focal_sigma: float = 0.0

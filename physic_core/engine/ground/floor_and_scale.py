@@ -226,7 +226,7 @@ def find_ground(
     people = _people_evidence(photo, bodies, model, up)
     scene = photo.scene_map
     shows_ground = evidence.seen_ground is not None
-    at_soles = ground_at_soles(photo, people.low, up) if shows_ground else ()
+    at_soles = ground_at_soles(photo, people.low_skin, up) if shows_ground else ()
     planes = [_floor_hypothesis(candidate, people, photo, at_soles) for candidate in candidates]
     scores = [sum(p.nats.values()) for p in planes]
     depth_evidence = (
@@ -269,7 +269,7 @@ def _ground_by_vote(
     soles = planes[best].soles
     stance = _stance_over_floors(vote, planes, people)
     if (plane := candidates[best].plane) is not None:
-        stance = stance.with_resting(people.low.lowest_limbs(people.model, plane.normal))
+        stance = stance.with_resting(people.low_skin.lowest_limbs(people.model, plane.normal))
     notes = size_notes(
         vote, soles, people.torsos, people.feet & (stance.stand_probability > LEAST_PROBABILITY)
     )
@@ -317,7 +317,7 @@ class _PeopleEvidence(NamedTuple):
     upright: Tensor
     feet: BoolArray
     person_probability: FloatArray
-    low: LowSkin
+    low_skin: LowSkin
     stance: Stance
     sigma: FloatArray
     torsos: Witnesses
@@ -472,8 +472,10 @@ def _floor_hypothesis(
     by_low = np.full(len(people.feet), np.nan)
     if fit is not None and not fit.beneath:  # no sole stands on what people lie on
         by_soles = scales_by_soles(people.vertices, people.model, people.feet, fit)
-        by_low = people.low.scales_on_floor(fit)
-    scale_by_lowest = np.where(people.low.may_rest, by_low, np.fmax(by_soles[:, 0], by_soles[:, 1]))
+        by_low = people.low_skin.scales_on_floor(fit)
+    scale_by_lowest = np.where(
+        people.low_skin.may_rest, by_low, np.fmax(by_soles[:, 0], by_soles[:, 1])
+    )
     weights = _weights_by_ground(candidate, photo, at_soles)
     height = math.nan if fit is None else fit.offset
     return _FloorHypothesis(
@@ -522,7 +524,7 @@ def _soles_witness(
     sure = (
         ground_weights
         * people.person_probability
-        * np.where(people.low.may_rest, lies_on_floor, stands)
+        * np.where(people.low_skin.may_rest, lies_on_floor, stands)
     )
     sigma = np.hypot(people.sigma, SOLE_SIGMA)
     return Witnesses(scale_by_lowest, people.torsos.depth, sigma, sure, _FLOOR_SIGMA)
@@ -576,7 +578,7 @@ def _stance_over_floors(
         weight * p.ground_weights * np.nan_to_num(vote.right_probability(p.soles))
         for weight, p in zip(vote.weights.tolist(), planes, strict=True)
     )
-    rests = np.where(people.low.may_rest, rests, np.nan)
+    rests = np.where(people.low_skin.may_rest, rests, np.nan)
     stands = np.where(people.feet, stands, people.stance.stand_probability)
     # No foot stands on a floor over which the lowest skin lies.
     return replace(

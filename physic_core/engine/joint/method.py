@@ -107,10 +107,12 @@ class JointStageMethod(ABC):
 
         A margin is left for the motion of people.
         """
-        around = sampling.around
+        surroundings = sampling.surroundings
         radius = self.search_radius_m
-        keep = inside_body_boxes(around.points, vertices / scale, (radius + MAX_MOTION_M) / scale)
-        return NearestPointSearch(around.points[keep], around.normals[keep], radius)
+        keep = inside_body_boxes(
+            surroundings.points, vertices / scale, (radius + MAX_MOTION_M) / scale
+        )
+        return NearestPointSearch(surroundings.points[keep], surroundings.normals[keep], radius)
 
     def update_visibility(
         self,

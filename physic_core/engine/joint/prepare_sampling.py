@@ -39,12 +39,12 @@ def precompute_sampling(state: State, method: JointStageMethod) -> Sampling:
     ids, area = subsample_vertices(
         model, is_contact.any(0), method.visibility.vertex_spacing_m, area
     )
-    around = method.select_surroundings(state)
+    surroundings = method.select_surroundings(state)
     ankles = inside_image(project(start.joints[:, _ANKLES], state.K), *state.masks.shape[-2:])
     faces, faces_of_vertices = faces_around_vertices(model.faces, model.faces_of_vertices[ids])
     sampling = Sampling(
         state=state,
-        around=around,
+        surroundings=surroundings,
         person_weights=person_weights,
         visibility=method.visibility,
         ids=ids,
@@ -62,7 +62,7 @@ def precompute_sampling(state: State, method: JointStageMethod) -> Sampling:
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], state.rotations[:, 0]),
         feet_visible=state.observed_in_any_photo[:, _ANKLES] & ankles,
         log_depth=_log_depth(state.photo_depth),
-        fronts=None if around.depth is None else front_depth(around.depth),
+        fronts=None if surroundings.depth is None else front_depth(surroundings.depth),
     )
     return replace(
         sampling, views=tuple(_sampling_of_view(sampling, view, method) for view in state.views)

@@ -49,7 +49,8 @@ class Sampling:
 
     Attributes:
         state: as the energy uses it (``JointStageMethod.prepare``), with finite people only.
-        around: surfaces that distances are measured to (``JointStageMethod.select_surroundings``).
+        surroundings: surfaces that distances are measured to
+            (``JointStageMethod.select_surroundings``).
         person_weights: (B,) weight of each person's terms.
         visibility: settings.
         ids: (n,) int64, indices of the subsampled vertices.
@@ -77,7 +78,7 @@ class Sampling:
     """
 
     state: State
-    around: Surroundings
+    surroundings: Surroundings
     person_weights: Tensor
     visibility: VisibilitySettings
     ids: Tensor
@@ -99,19 +100,19 @@ class Sampling:
     views: tuple[Sampling, ...] = ()
 
 
-def select_surface(around: Surroundings) -> Surroundings:
+def select_surface(surroundings: Surroundings) -> Surroundings:
     """Return the surroundings with the scene points that have a reliable normal and do not belong
     to the floor's plane.
     """
-    points = around.points
-    normals = around.normals
+    points = surroundings.points
+    normals = surroundings.normals
     # a matrix product sums three columns several times faster than .sum()
     ones = points.new_ones(3)
     length = normals.square() @ ones
     chosen = torch.isfinite(points @ ones + length) & (length > 0.5)
-    if around.floor is not None:
-        chosen = chosen & (around.floor.height(points).abs() > _FLOOR_BAND_M)
-    return replace(around, points=points[chosen], normals=normals[chosen])
+    if surroundings.floor is not None:
+        chosen = chosen & (surroundings.floor.height(points).abs() > _FLOOR_BAND_M)
+    return replace(surroundings, points=points[chosen], normals=normals[chosen])
 
 
 def with_static_contacts(state: State) -> State:

@@ -155,7 +155,7 @@ class ContactState:
     """Nearest scene points and distances of the subsampled vertices (B, n).
 
     Attributes:
-        found: bool, a scene point is within the search radius of the vertex.
+        is_found: bool, a scene point is within the search radius of the vertex.
         distance: to that point, metres.
         signed: to its plane, ``n . (v - p)``, metres, negative inside; inf if no point is found.
         height: above the floor's plane, metres; inf if there is no plane.
@@ -169,7 +169,7 @@ class ContactState:
         plane_distance: of the planes through those points from the camera, ``n . p``, unscaled.
     """
 
-    found: Tensor
+    is_found: Tensor
     distance: Tensor
     signed: Tensor
     height: Tensor
@@ -198,7 +198,7 @@ def update_contacts(
         scale: of the scene.
     """
     state = sampling.state
-    floor = sampling.around.floor
+    floor = sampling.surroundings.floor
     nearest = scene.query(vertices, scale)
     height = far = torch.full_like(sampling.area, torch.inf)
     facing_floor = torch.zeros_like(sampling.area)
@@ -214,9 +214,9 @@ def update_contacts(
         normals = scene.normals[nearest.index]
     signed = (normals * (vertices - points * scale)).sum(-1)
     return ContactState(
-        found=nearest.found,
+        is_found=nearest.is_found,
         distance=nearest.distance,
-        signed=torch.where(nearest.found, signed, far),
+        signed=torch.where(nearest.is_found, signed, far),
         height=height,
         facing_scene=-(body_normals * normals).sum(-1),
         facing_floor=facing_floor,

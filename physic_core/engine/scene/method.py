@@ -36,13 +36,13 @@ class Cameras:
     """Intrinsics of a photo from several sources, each (3, 3) px or None if unknown.
 
     Attributes:
-        given: known camera. It overrides the others, and every point is moved onto the ray of its
+        stated: known camera. It overrides the others, and every point is moved onto the ray of its
             pixel.
         metric_depth: camera that the metric depth was estimated for.
         pointmap: camera that the relative point map was estimated for.
     """
 
-    given: Tensor | None = None
+    stated: Tensor | None = None
     metric_depth: Tensor | None = None
     pointmap: Tensor | None = None
 
@@ -59,7 +59,7 @@ def scene_camera(points: Tensor, valid: Tensor, cameras: Cameras) -> Tensor:
     Raises:
         BackendOutputError: the camera cannot be estimated from the point map.
     """
-    for stated in (cameras.given, cameras.metric_depth):
+    for stated in (cameras.stated, cameras.metric_depth):
         if stated is not None:
             return stated.to(points.device, torch.float64)
     fx, fy, cx, cy = intrinsics_from_pointmap(points, valid)
@@ -124,7 +124,7 @@ class SceneStageMethod:
             The converted points, the converted depth, and the cameras with ``metric_depth`` set to
             the common one.
         """
-        common = cameras.given
+        common = cameras.stated
         metric = cameras.metric_depth
         pointmap = cameras.pointmap
         if common is None and metric is not None and pointmap is not None:
@@ -168,9 +168,9 @@ class SceneStageMethod:
         """Return the floor in valid metric points (H, W, 3) with their normals, fitted again and
         turned towards up if it is known.
         """
-        if self.floor == "off" or evidence.found is None:
+        if self.floor == "off" or evidence.known_search is None:
             return FloorSearch(None, "switched_off")
-        search = refit_floor(points, valid, evidence.found)
+        search = refit_floor(points, valid, evidence.known_search)
         if search.plane is None or search.plane.beneath:
             return search
         rays = torch.where(valid[..., None], points / points[..., 2:], 0.0)

@@ -52,7 +52,7 @@ def solve_scene(estimates: Estimates, model: BodyModel, method: SceneStageMethod
         BackendOutputError: the metric depth has no valid pixel, or the camera cannot be estimated.
     """
     ground = estimates.ground
-    evidence = replace(ground.evidence, found=ground.search)
+    evidence = replace(ground.evidence, known_search=ground.search)
     depth = tensor(estimates.depth.depth)
     scene = build_scene(estimates.photo.scene_points, depth, _cameras(estimates), evidence, method)
     return _with_known_sizes(estimates, _initial_state(estimates, model, scene))

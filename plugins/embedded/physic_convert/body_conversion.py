@@ -153,7 +153,7 @@ def _fit_to_surface(model: BodyModel, mesh: Mesh) -> tuple[BodyFit, Float64Array
         assert mesh.rest is not None
         map_ = cached_correspondence(RestMesh(mesh.name, mesh.rest, mesh.faces), model).subset(ids)
         points = map_.interpolate(mesh.vertices.astype(np.float64))
-        weights = map_.sure.astype(np.float64)
+        weights = map_.is_sure.astype(np.float64)
         sigma = SURFACE_SIGMA_M
     fit = fit_surface(
         patches, SurfaceTargets(points, np.broadcast_to(weights, points.shape[:2])), sigma_m=sigma

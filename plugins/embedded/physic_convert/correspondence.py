@@ -104,13 +104,13 @@ class Correspondence:
     Attributes:
         corners: (V, 3) int64 vertices of the other mesh.
         shares: (V, 3) barycentric coordinates, not negative, with sum 1.
-        sure: (V,) bool, the point is near and its normal similar; elsewhere it is only the nearest
-            one.
+        is_sure: (V,) bool, the point is near and its normal similar; elsewhere it is only the
+            nearest one.
     """
 
     corners: Int64Array
     shares: Float64Array
-    sure: BoolArray
+    is_sure: BoolArray
 
     def interpolate(self, values: FloatArray) -> Float64Array:
         """Interpolate values (..., V_other, C) of the other mesh's vertices at the model's
@@ -122,7 +122,7 @@ class Correspondence:
 
     def subset(self, ids: Int64Array) -> Correspondence:
         """Return the correspondence of the model's vertices ``ids`` (n,)."""
-        return Correspondence(self.corners[ids], self.shares[ids], self.sure[ids])
+        return Correspondence(self.corners[ids], self.shares[ids], self.is_sure[ids])
 
 
 _ROUNDS = 14

@@ -59,7 +59,11 @@ def _read(path: Path, vertices: int, source_vertices: int) -> Correspondence | N
         correspondence: Correspondence = read_value(path, [Correspondence], {"name": path.name})
     except (OSError, DamagedFileError):
         return None  # missing or damaged: it is computed again
-    shapes = [correspondence.corners.shape, correspondence.shares.shape, correspondence.sure.shape]
+    shapes = [
+        correspondence.corners.shape,
+        correspondence.shares.shape,
+        correspondence.is_sure.shape,
+    ]
     fits = (
         shapes == [(vertices, 3), (vertices, 3), (vertices,)]
         and correspondence.corners.min(initial=0) >= 0

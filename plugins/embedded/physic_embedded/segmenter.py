@@ -166,7 +166,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         """Return the people of a prompt, and their masks (N, H, W)."""
         found = choose_poses(detected, prompt)
         masks = self._masks(detected.embedding, [person.pose for person in found])
-        sure = np.array([any(one.pose is other.pose for other in detected.found) for one in found])
+        sure = np.array([any(one.pose is other.pose for other in detected.poses) for one in found])
         others = list(compress(found, sure))
         repeats = np.array([bool(poses_of_same_person(one.pose, others)) for one in found]) & ~sure
         if repeats.any():

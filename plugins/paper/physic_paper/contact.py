@@ -34,11 +34,13 @@ class DistanceContact(ContactStageMethod):
         """Return which signed distances, metres, are those of vertices in contact."""
         return (distance <= self.distance_m) & (distance >= -self.inside_m)
 
-    def surfaces(self, around: Surroundings, vertices: Tensor, scale: float) -> ContactSurfaces:
+    def surfaces(
+        self, surroundings: Surroundings, vertices: Tensor, scale: float
+    ) -> ContactSurfaces:
         """Return the scaled scene near bodies (N, V, 3), metres, with the samples of the floor."""
-        surfaces = super().surfaces(with_floor_samples(around), vertices, scale)
+        surfaces = super().surfaces(with_floor_samples(surroundings), vertices, scale)
         return replace(
-            surfaces, row=torch.where(surfaces.row < len(around.points), surfaces.row, -1)
+            surfaces, row=torch.where(surfaces.row < len(surroundings.points), surfaces.row, -1)
         )
 
     def free_vertices(self, state: State) -> None:
@@ -56,14 +58,14 @@ class DistanceContact(ContactStageMethod):
         return Touch(torch.where(within.any(0), nearest, -1), None)
 
 
-def with_floor_samples(around: Surroundings) -> Surroundings:
+def with_floor_samples(surroundings: Surroundings) -> Surroundings:
     """Return the surroundings with samples of the floor among the points, instead of its plane."""
-    if around.floor is None:
-        return around
-    up = around.floor.normal.expand_as(around.floor_points)
+    if surroundings.floor is None:
+        return surroundings
+    up = surroundings.floor.normal.expand_as(surroundings.floor_points)
     return replace(
-        around,
-        points=torch.cat([around.points, around.floor_points]),
-        normals=torch.cat([around.normals, up]),
+        surroundings,
+        points=torch.cat([surroundings.points, surroundings.floor_points]),
+        normals=torch.cat([surroundings.normals, up]),
         floor=None,
     )

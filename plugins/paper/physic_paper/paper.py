@@ -145,8 +145,8 @@ class PaperJointStage(PublishedJointStage):
         """Return the grid over the whole scene, since its nodes depend on the extent of the
         scene.
         """
-        around = sampling.around
-        return GridSearch(around.points, around.normals, self.search_radius_m)
+        surroundings = sampling.surroundings
+        return GridSearch(surroundings.points, surroundings.normals, self.search_radius_m)
 
     def weigh_keypoints(self, state: State) -> Tensor:
         """Return weights from confidence; a low confidence gives weight 0."""

@@ -82,14 +82,16 @@ class PublishedJointStage(JointStageMethod):
 
     def select_surroundings(self, state: State) -> Surroundings:
         """Return all finite points of the scene, and no plane of the floor."""
-        around = state.surroundings
-        finite = torch.isfinite(around.points).all(-1) & torch.isfinite(around.normals).all(-1)
-        points = around.points[finite]
-        normals = around.normals[finite]
-        around = replace(around, points=points, normals=normals, depth=None)
+        surroundings = state.surroundings
+        finite = torch.isfinite(surroundings.points).all(-1) & torch.isfinite(
+            surroundings.normals
+        ).all(-1)
+        points = surroundings.points[finite]
+        normals = surroundings.normals[finite]
+        surroundings = replace(surroundings, points=points, normals=normals, depth=None)
         if self.samples_floor:
-            return with_floor_samples(around)
-        return replace(around, floor=None)
+            return with_floor_samples(surroundings)
+        return replace(surroundings, floor=None)
 
     def weigh_people(self, state: State) -> Tensor:
         """Return 1 for each person."""
@@ -100,6 +102,8 @@ class PublishedJointStage(JointStageMethod):
         well.
         """
         state = sampling.state
-        constant = {*self.frozen, "offset"} | (set() if len(sampling.around.points) else {"scale"})
+        constant = {*self.frozen, "offset"} | (
+            set() if len(sampling.surroundings.points) else {"scale"}
+        )
         start = (state.rotations, state.betas, state.transl, sampling.start.joints[:, 0])
         return UnwhitenedVariables(*start, frozen=sorted(constant))

@@ -63,7 +63,7 @@ class PaperScene(SceneStageMethod):
         """Return the points, moved for a given camera only, and that camera or the median of the
         point map's.
         """
-        if cameras.given is not None:
+        if cameras.stated is not None:
             return super().place_on_rays(points, valid, cameras)
         return points, scene_camera(points, valid, replace(cameras, metric_depth=None))
 

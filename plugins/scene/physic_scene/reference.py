@@ -62,7 +62,7 @@ class ReferenceInput(ShortRepr):
         scores: (N,) of the best detection of each person.
         depth: of its scene, at the solved scale.
         views: what the other photos show of these people.
-        alone: results of the single photos on their contact and on the floor.
+        single_photos: results of the single photos on their contact and on the floor.
         statures: (N,) metres, known ones, NaN where unknown.
         ages: (N,) years, known ones, NaN where unknown; None if no age is known.
         body_sources: what the user gives as each body, in the first photo with one; "" in none.
@@ -75,7 +75,7 @@ class ReferenceInput(ShortRepr):
     scores: FloatArray
     depth: DepthMap
     views: tuple[OtherView, ...]
-    alone: OtherViews
+    single_photos: OtherViews
     statures: FloatArray
     ages: FloatArray | None = None
     body_sources: tuple[str, ...] = ()
@@ -111,7 +111,7 @@ class ReferenceInput(ShortRepr):
             scores=np.array([max(one.score for one in own) for own in shown_by]),
             depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(photos)} photos",)),
             views=tuple(_view(solved, people, w) for w in range(len(photos)) if w != v),
-            alone=_results_of_single_photos(solved, people, model),
+            single_photos=_results_of_single_photos(solved, people, model),
             statures=np.array([one.stature for one in people]),
             ages=ages if np.isfinite(ages).any() else None,
             body_sources=tuple(sources),
@@ -180,7 +180,9 @@ def solve_reference(reference_input: ReferenceInput, config: Config) -> Reconstr
         "metric_depth": SolvedDepth.of(depth),
     }
     plan = resolve(plain, backends)
-    scene_plan = replace(plan, given_engine=with_other_views(plan.engine, reference_input.alone))
+    scene_plan = replace(
+        plan, given_engine=with_other_views(plan.engine, reference_input.single_photos)
+    )
     prompt = None
     if config.photo.person or config.photo.box:
         prompt = PeoplePrompt(

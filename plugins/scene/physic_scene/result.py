@@ -42,7 +42,7 @@ def assemble(
     reconstruction = with_checks(reconstruction, checks)
     moved_notes = [
         f"a person of {names} moved between them; the result follows one of them"
-        for names in solved.moved
+        for names in solved.photos_of_moved
     ]
     unseen = []
     for row, one in enumerate(everybody):

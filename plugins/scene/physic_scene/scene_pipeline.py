@@ -107,7 +107,7 @@ class ScenePipeline:
         if len(known.age) > 1:
             raise ConfigError(
                 "one age is that of all people of a moment: for several, give those of each photo "
-                "to ScenePipeline.alone, and its results to ScenePipeline.join"
+                "to ScenePipeline.reconstruct_photo, and its results to join_photos"
             )
         stature = known.stature if len(known.stature) == 1 else ()
         others = KnownSizes(stature=stature, age=known.age)

@@ -57,8 +57,8 @@ class SolvedScene(ShortRepr):
         left_out: the other photos.
         reference: index into ``photos``.
         rows: (P, V) row of each solved person in each photo, -1 where not shown.
-        moved: names of the photos that show one person in different places or poses, who is not
-            solved.
+        photos_of_moved: names of the photos that show one person in different places or poses, who
+            is not solved.
         observations: of the solved people.
         bundle: cameras and points.
         intrinsics: of each photo, solved.
@@ -75,7 +75,7 @@ class SolvedScene(ShortRepr):
     left_out: tuple[SkippedPhoto, ...]
     reference: int
     rows: IntArray
-    moved: tuple[str, ...]
+    photos_of_moved: tuple[str, ...]
     observations: MomentObservations
     bundle: Bundle
     intrinsics: tuple[Intrinsics, ...]
@@ -97,7 +97,7 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
     Raises:
         InputError: no two photos fit each other.
     """
-    moved_people: list[str] = []
+    photos_of_moved: list[str] = []
     while True:
         adjusted = _adjust(chosen)
         bad = adjusted.errors > _MOST_OFF
@@ -111,15 +111,15 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
         if view is not None:
             why = "its people are in other places or poses than in the other photos"
             chosen = chosen.without(view, "does not fit", why)
-            moved_people = []
+            photos_of_moved = []
         elif bad.any() and len(chosen.rows) > 1:
             worst = int(np.argmax(bad.sum(0) + np.nanmax(adjusted.errors, axis=0)))
-            moved_people.append(
+            photos_of_moved.append(
                 ", ".join(chosen.photos[v].name for v in np.flatnonzero(chosen.rows[worst] >= 0))
             )
             chosen = replace(chosen, rows=np.delete(chosen.rows, worst, axis=0))
         else:
-            return _solved_scene(chosen, moved_people, adjusted, model)
+            return _solved_scene(chosen, photos_of_moved, adjusted, model)
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class _Adjustment:
 
 
 def _solved_scene(
-    chosen: ChosenPhotos, moved_people: Sequence[str], adjustment: _Adjustment, model: BodyModel
+    chosen: ChosenPhotos, photos_of_moved: Sequence[str], adjustment: _Adjustment, model: BodyModel
 ) -> SolvedScene:
     """Return the solution at the scale of people's sizes, with one body for each person."""
     sigmas = camera_sigmas(adjustment.observations, adjustment.bundle, adjustment.reference)
@@ -158,7 +158,7 @@ def _solved_scene(
         left_out=chosen.left_out,
         reference=adjustment.reference,
         rows=rows,
-        moved=tuple(moved_people),
+        photos_of_moved=tuple(photos_of_moved),
         observations=observations,
         bundle=bundle,
         intrinsics=tuple(

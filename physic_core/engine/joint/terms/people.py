@@ -136,8 +136,8 @@ def _nearest(i: int, j: int, probes: Tensor, vertices: Tensor, reach: float) -> 
     skin = body[rows]
     chosen = inside_body_boxes(points, skin[None], reach).nonzero(as_tuple=True)[0]
     nearest = NearestPointSearch(skin, torch.zeros_like(skin), reach).query(points[chosen])
-    probe = chosen[nearest.found]
-    other_row = rows[nearest.index[nearest.found]]
+    probe = chosen[nearest.is_found]
+    other_row = rows[nearest.index[nearest.is_found]]
     return torch.stack([torch.full_like(probe, i), probe, torch.full_like(probe, j), other_row])
 
 

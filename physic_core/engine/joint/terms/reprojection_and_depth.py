@@ -209,7 +209,7 @@ def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:
     state = sampling.state
     feet_visible = sampling.feet_visible
     sigma_alone = torch.full_like(state.transl[:, 2], settings.offset_alone_sigma)
-    if sampling.around.floor is None:
+    if sampling.surroundings.floor is None:
         return sigma_alone
     on_floor = feet_visible.any(1).to(sigma_alone)
     if state.limb_touch_probability is not None:

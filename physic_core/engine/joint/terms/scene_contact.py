@@ -64,7 +64,7 @@ class PenetrationTerm(SurfaceTerm):
         """Select the vertices near the scene that are not hidden."""
         contacts = snapshot.contacts
         visibility = snapshot.visibility
-        near = contacts.found & (contacts.distance < self._max_depth_m) & visibility.eligible
+        near = contacts.is_found & (contacts.distance < self._max_depth_m) & visibility.eligible
         near = near & ~contacts.in_free_space
         if self._sampling.visibility.occlusion_aware:
             near = near & ~visibility.hidden
@@ -137,7 +137,7 @@ class ContactTerm(SurfaceTerm):
         reach = CONTACT_RANGE_M
         to_scene = contacts.signed.abs()
         to_floor = contacts.height.abs()
-        can_scene = contacts.found & (to_scene < reach) & (contacts.facing_scene > 0)
+        can_scene = contacts.is_found & (to_scene < reach) & (contacts.facing_scene > 0)
         can_floor = (to_floor < reach) & (contacts.facing_floor > 0)
         self.on_scene = can_scene & (~can_floor | (to_scene <= to_floor))
         touching = (can_scene | can_floor) & snapshot.visibility.eligible
@@ -174,7 +174,7 @@ class FloorPenetrationTerm(SurfaceTerm):
     name = "floor"
 
     def __init__(self, weight: float, sampling: Sampling) -> None:
-        self.weight = 0.0 if sampling.around.floor is None else weight
+        self.weight = 0.0 if sampling.surroundings.floor is None else weight
         self._sampling = sampling
         self.eligible: Tensor
 
@@ -269,7 +269,7 @@ class SoleTerm:
         self._all_seen = bool(sampling.feet_visible.all())
         self.weights: dict[str, Tensor] = {}
         weighs = bool(settings.weight or settings.unseen_weight)
-        self.is_on = weighs and sampling.around.floor is not None
+        self.is_on = weighs and sampling.surroundings.floor is not None
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Weigh the visible feet by their touch, and select people whose lower foot is expected to

@@ -183,7 +183,7 @@ class SurfaceTerms(Term):
     def refresh(self, snapshot: Snapshot) -> None:
         """Refresh all terms and collect the inputs of the energies."""
         sampling = self.sampling
-        floor = sampling.around.floor
+        floor = sampling.surroundings.floor
         terms = tuple((term, term.refresh(snapshot)) for term in self.terms)
         self.soles.refresh(snapshot)
         self.regularisation.refresh(snapshot)

@@ -180,12 +180,12 @@ class LiftedLimbs:
     Attributes:
         joints: (N, 12, 3) metres, relative to the middle of the hips, in the view's axes.
         weight: (N, 12), zero for joints that do not count.
-        moved: (N, 12) metres between the joints and those of the fit without the lifter.
+        distance: (N, 12) metres between the joints and those of the fit without the lifter.
     """
 
     joints: Tensor = field(metadata=PER_PERSON)
     weight: Tensor = field(metadata=PER_PERSON)
-    moved: Tensor = field(metadata=PER_PERSON)
+    distance: Tensor = field(metadata=PER_PERSON)
 
 
 _ROOT_STEP = 0.2  # radians of one unit of the whitened unknowns

@@ -131,7 +131,7 @@ def fit_people(
         lean_sigma=np.where(cut & ~(upright > 0), pitch_sigma(person_observations), lean_sigma),
         joint_sigma=None
         if lifted is None
-        else joint_sigma(limb_evidence(observations, lifted.moved.numpy())),
+        else joint_sigma(limb_evidence(observations, lifted.distance.numpy())),
     )
 
 

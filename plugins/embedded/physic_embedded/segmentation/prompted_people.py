@@ -42,7 +42,7 @@ class DetectedPeople:
         landmarker: session of ``pose_landmark_heavy``.
         decoder: session of ``mobilesam_decoder``.
         embedding: of the photo.
-        found: detected people.
+        poses: detected people.
         masks: (N, H, W) of the detected people.
     """
 
@@ -50,7 +50,7 @@ class DetectedPeople:
     landmarker: OnnxSession
     decoder: OnnxSession
     embedding: ImageEmbedding
-    found: Sequence[DetectedPose]
+    poses: Sequence[DetectedPose]
     masks: BoolArray
 
 
@@ -94,11 +94,11 @@ def _at_point(detected: DetectedPeople, point: FloatArray) -> DetectedPose | Non
     x, y = np.rint(point).astype(int)
     on_mask = np.flatnonzero(detected.masks[:, y, x])
     if len(on_mask):
-        return detected.found[int(on_mask[0])]
-    boxes = [person.extent for person in detected.found]
+        return detected.poses[int(on_mask[0])]
+    boxes = [person.extent for person in detected.poses]
     around = [i for i, (x0, y0, x1, y1) in enumerate(boxes) if x0 <= x < x1 and y0 <= y < y1]
     if around:
-        return detected.found[
+        return detected.poses[
             min(around, key=lambda i: float(np.prod(boxes[i][2:] - boxes[i][:2])))
         ]
     answer = predict_masks(detected.decoder, detected.embedding, point[None], np.zeros((0, 2)))
@@ -110,11 +110,11 @@ def _at_point(detected: DetectedPeople, point: FloatArray) -> DetectedPose | Non
 
 def _in_box(detected: DetectedPeople, box: FloatArray) -> DetectedPose | None:
     """Return the detected person of a box (4,), else the pose in it."""
-    if detected.found:
-        overlap = box_iou(box[None], np.stack([person.extent for person in detected.found]))[0]
+    if detected.poses:
+        overlap = box_iou(box[None], np.stack([person.extent for person in detected.poses]))[0]
         if overlap.max() >= MIN_BOX_IOU:
-            return detected.found[int(overlap.argmax())]
-    others = [person.pose for person in detected.found]
+            return detected.poses[int(overlap.argmax())]
+    others = [person.pose for person in detected.poses]
     pose = max(_poses(detected, box, others), key=lambda pose: pose.score * box_fit(pose, box))
     if pose.score <= 0.5:
         return None
@@ -126,10 +126,10 @@ def _in_mask(detected: DetectedPeople, mask: BoolArray) -> DetectedPose | None:
     box = boxes_from_masks(mask[None])[0]
     neighbours = [
         person.pose
-        for person, pose_mask in zip(detected.found, detected.masks, strict=True)
+        for person, pose_mask in zip(detected.poses, detected.masks, strict=True)
         if not (pose_mask & mask).any()
     ]
-    poses = [person.pose for person in detected.found] + _poses(detected, box, neighbours)
+    poses = [person.pose for person in detected.poses] + _poses(detected, box, neighbours)
 
     def overlap(pose: Pose) -> float:
         x, y = detected.embedding.grid_axes()

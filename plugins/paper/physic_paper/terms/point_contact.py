@@ -64,7 +64,7 @@ class PointContactTerm(Term):
     def refresh(self, snapshot: Snapshot) -> None:
         """Select the contact vertices near the scene."""
         self._contacts = contacts = snapshot.contacts
-        near = contacts.found & (contacts.distance < self._reach)
+        near = contacts.is_found & (contacts.distance < self._reach)
         near = near & (contacts.facing_scene.abs() >= self._least_cosine)
         if self._outside_only:
             near = near & (contacts.signed > 0)

@@ -62,7 +62,7 @@ class PointPenetrationTerm(Term):
         """Select the vertices near the scene."""
         self._contacts = contacts = snapshot.contacts
         near = (
-            contacts.found
+            contacts.is_found
             & (contacts.distance < self._settings.max_depth_m)
             & self._may_not_penetrate(snapshot)
         )

@@ -34,12 +34,12 @@ def vertices(count=500):
 def test_distances_are_true_and_to_nearly_the_nearest_point():
     got = GridSearch(*room(), radius=0.15).query(vertices())
     want = NearestPointSearch(*room(), radius=0.15).query(vertices())
-    both = got.found & want.found
+    both = got.is_found & want.is_found
     excess = (got.distance - want.distance)[both]
     assert excess.min() > -1e-6
     assert excess.mean() < 0.012
     assert excess.max() < 0.06
-    assert (got.found == want.found).float().mean() > 0.95
+    assert (got.is_found == want.is_found).float().mean() > 0.95
 
 
 def test_a_vertex_outside_the_box_changes_nothing_for_the_others():
@@ -49,16 +49,16 @@ def test_a_vertex_outside_the_box_changes_nothing_for_the_others():
     alone = grid.query(inside)
     both = grid.query(with_stray)
     assert torch.equal(both.distance[:-1], alone.distance)
-    assert not both.found[-1]
+    assert not both.is_found[-1]
 
 
 def test_nothing_is_near_an_empty_scene_and_no_number_is_near_nothing():
     empty = GridSearch(torch.zeros(0, 3), torch.zeros(0, 3), radius=0.15).query(vertices())
-    assert not empty.found.any()
+    assert not empty.is_found.any()
     broken = vertices()[0, :4].clone()
     broken[1, 2] = float("nan")
     grid = GridSearch(*room(1000), radius=10.0)
-    assert grid.query(broken).found.tolist() == [True, False, True, True]
+    assert grid.query(broken).is_found.tolist() == [True, False, True, True]
     assert grid.query(torch.zeros(0, 3)).index.shape == (0,)
 
 
@@ -68,5 +68,5 @@ def test_the_radius_is_in_metres_of_the_scaled_scene():
         query = scene.query(
             torch.tensor([[0.0, 0.14, 2.0 * scale], [0.0, 0.16, 2.0 * scale]]), scale=scale
         )
-        assert query.found.tolist() == [True, False]
+        assert query.is_found.tolist() == [True, False]
         torch.testing.assert_close(query.distance, torch.tensor([0.14, torch.inf]))
