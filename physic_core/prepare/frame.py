@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from physic_core.geometry.colors import lab_from_srgb
 from physic_core.prepare.border import find_border, largest_channel
 from physic_core.prepare.count_pictures import count_pictures
-from physic_core.prepare.stereo_pair import half_of_stereo_pair
 
 if TYPE_CHECKING:
     from physic_core.prepare.border import Inside
@@ -116,40 +115,18 @@ class _Line(NamedTuple):
 def find_frame(image: UInt8Array) -> Frame:
     """Return what is round the picture in a photo (H, W, 3)."""
     border = find_border(image)
-    whole = slice(0, image.shape[0]), slice(0, image.shape[1])
     if border is not None:
         several = len(_outermost_layer(image).uncut)
         if several > 2:  # their common border is no frame
             return Frame(warning=_several_warning(several))
-    inside = image if border is None else image[border]
-    parted = count_pictures(inside)
-    if parted > 2 or (parted == 2 and half_of_stereo_pair(inside) is None):
+    parted = count_pictures(image if border is None else image[border])
+    if parted > 1:
         return Frame(border, "" if border is None else _BORDER, _several_warning(parted))
-    frame, pictures = _remove_frames(image, border)
-    # of more pictures than two, as of a sheet for a passport, half is no picture
-    rows, columns = frame.inside or whole
-    half = None if len(pictures) > 2 else half_of_stereo_pair(image[rows, columns])
-    if half is None:
-        return frame
-    axis, length = half
-    kept_rows = slice((rows, columns)[axis].start, (rows, columns)[axis].start + length)
-    which = ("upper", "left")[axis]
-    return replace(
-        frame,
-        inside=(kept_rows, columns) if axis == 0 else (rows, kept_rows),
-        note=f"all but the {which} half",
-        warning="the photo shows the same twice, as a stereo card does: its "
-        f"{which} half alone was reconstructed. If people in it look squeezed, stretch the half to "
-        "twice its length, and run that",
-    )
+    return _remove_frames(image, border)
 
 
-def _remove_frames(
-    image: UInt8Array, inside: Inside | None
-) -> tuple[Frame, tuple[_InnerPicture, ...]]:
-    """Return the picture inside the border of a photo (H, W, 3) without bed, white and mount, and
-    the pictures in it that cannot be cut out.
-    """
+def _remove_frames(image: UInt8Array, inside: Inside | None) -> Frame:
+    """Return the picture inside the border of a photo (H, W, 3) without bed, white and mount."""
     rows, columns = inside or (slice(0, image.shape[0]), slice(0, image.shape[1]))
     frame = Frame(inside, "" if inside is None else _BORDER)
     left, right, top, bottom = columns.start, columns.stop, rows.start, rows.stop
@@ -158,14 +135,14 @@ def _remove_frames(
     for _ in range(_LAYERS):
         layer, uncut = _outermost_layer(part)
         if len(uncut) > 1:
-            return replace(frame, warning=_several_warning(len(uncut))), uncut
+            return replace(frame, warning=_several_warning(len(uncut)))
         if uncut:
             warning = (
                 f"a photo of a picture? Four straight lines enclose {uncut[0].share:.0%} of it, as "
                 "a screen or a print does: all distances and sizes are then wrong. Cut the picture "
                 "out, straighten it, and run that"
             )
-            return replace(frame, warning=warning), uncut
+            return replace(frame, warning=warning)
         if layer is None:
             break
         corners = cv2.perspectiveTransform(
@@ -177,7 +154,7 @@ def _remove_frames(
         part = cv2.warpPerspective(
             image, _homography_to_upright(corners), (round(width), round(height))
         )
-    return frame, ()
+    return frame
 
 
 def smooth_background(image: UInt8Array) -> BoolArray | None:

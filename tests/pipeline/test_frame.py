@@ -1,4 +1,4 @@
-"""What is round the picture in a file: screenshots, prints, screens, albums, stereo cards."""
+"""What is round the picture in a file: screenshots, prints, screens, albums."""
 
 from __future__ import annotations
 
@@ -157,20 +157,6 @@ def test_a_bar_that_somebody_stands_before_parts_no_pictures():
     photo[200:210] = 90
     photo[100:400, 300:360] = picture(1)[100:400, 300:360]
     assert find_frame(photo).warning == ""
-
-
-@pytest.mark.parametrize("gap", [0, 16])
-@pytest.mark.parametrize("axis", [0, 1])
-def test_of_a_stereo_card_one_half_is_used(gap, axis):
-    left = picture()
-    columns, rows = np.meshgrid(np.arange(WIDTH, dtype=np.float32), np.arange(HEIGHT))
-    nearer = 3 + 18 * (rows / HEIGHT) ** 2  # the lower part of a scene is nearer
-    right = cv2.remap(left, (columns + nearer).astype(np.float32), rows.astype(np.float32), 1)
-    strip = np.full((gap, WIDTH, 3) if axis == 0 else (HEIGHT, gap, 3), 230, np.uint8)
-    card = np.concatenate([left, strip, noisy(right)], axis)
-    frame = find_frame(card)
-    assert_close(frame.inside, (slice(0, HEIGHT), slice(0, WIDTH)), 1)
-    assert "twice" in frame.warning
 
 
 def test_a_scene_with_straight_edges_is_no_frame():
