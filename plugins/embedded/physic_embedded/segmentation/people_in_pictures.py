@@ -1,4 +1,4 @@
-"""Ask about people who may not be in the room: a frame is around them, or they stand on a table."""
+"""Ask about people who may not be in the room: a frame is around them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from physic_core.backends.people import boxes_from_masks
-from physic_core.types import SURE_CONFIDENCE, select_people, skeleton_named
+from physic_core.types import select_people
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,8 +20,6 @@ _RIM = 0.08  # width of the band, over the longer side of the person's box
 # Of five people in pictures pasted on the wall of a room 1, 1, 1, .87 and .17 of the band; of 17
 # people in seven photos at most .01.
 _SHARE = 0.5
-_FEET = 0.1  # of the height of the box, lowest part
-_SMALL = 0.75  # of the height of the largest box in the photo; the label errs on ground and mats
 _IN_ROOM = 0.5  # probability that a person who is asked about is in the room; assumed, not fitted
 
 
@@ -33,50 +31,26 @@ def halve_unlikely_people(people: People, framed: BoolArray) -> People:
         people: with keypoints and labels of surfaces.
         framed: (H, W) bool, pixels of paintings and mirrors.
     """
-    bands = list(_bands_around(people.masks))
-    pictures = np.array([band.any() and framed[band].mean() > _SHARE for band in bands], bool)
-    figurines = _on_tables(people, bands)
-    notes = (
-        _note(people, pictures, "is in a frame or a mirror: a picture, a screen, a reflection?"),
-        _note(people, figurines, "stands on a table: a figurine?"),
+    pictures = np.array(
+        [band.any() and framed[band].mean() > _SHARE for band in _bands_around(people.masks)], bool
     )
-    scores = np.where(pictures | figurines, _IN_ROOM, 1) * people.scores
-    is_unlikely = replace(
+    scores = np.where(pictures, _IN_ROOM, 1) * people.scores
+    asked = replace(
         people,
         scores=scores.astype(people.scores.dtype),
-        notes=people.notes + tuple(filter(None, notes)),
+        notes=people.notes + ((_note(people, pictures),) if pictures.any() else ()),
     )
-    return select_people(is_unlikely, np.argsort(-scores, kind="stable"))
+    return select_people(asked, np.argsort(-scores, kind="stable"))
 
 
-def _on_tables(people: People, bands: list[BoolArray]) -> BoolArray:
-    """Return which people (N,) stand on a table, and are small beside others."""
-    found = np.zeros(len(people), bool)
-    if people.surfaces is None or people.keypoints is None:
-        return found
-    names = skeleton_named(people.keypoints.skeleton).names
-    ankles = [names.index(f"{side}_ankle") for side in ("left", "right")]
-    seen = people.keypoints.confidence[:, ankles].max(1, initial=0.0) > SURE_CONFIDENCE
-    heights = people.boxes[:, 3] - people.boxes[:, 1]
-    small = heights < _SMALL * heights.max(initial=0.0)
-    table = people.surfaces.mask("table")
-    rows = np.arange(table.shape[0])[:, None]
-    for i, band in enumerate(bands):
-        top, bottom = people.boxes[i, [1, 3]]
-        below = band & (rows > bottom - _FEET * (bottom - top))
-        found[i] = seen[i] and small[i] and below.any() and table[below].mean() > _SHARE
-    return found
-
-
-def _note(people: People, is_unlikely: BoolArray, why: str) -> str:
-    """Return a note about the people (N,) who are ``is_unlikely`` about, or ""."""
-    if not is_unlikely.any():
-        return ""
-    boxes = boxes_from_masks(people.masks[is_unlikely]).round().astype(int).tolist()
+def _note(people: People, asked: BoolArray) -> str:
+    """Return a note about the people (N,) who are ``asked`` about."""
+    boxes = boxes_from_masks(people.masks[asked]).round().astype(int).tolist()
     places = " and ".join(",".join(map(str, box)) for box in boxes)
     return (
-        f"the person in the box {places} px {why} If so, leave it out by --ignore x,y. If not, "
-        f"give --person x,y for each person to keep; until then this size has half the weight"
+        f"the person in the box {places} px is in a frame or a mirror: a picture, a screen, a "
+        f"reflection? If so, leave it out by --ignore x,y. If not, give --person x,y for each "
+        f"person to keep; until then this size has half the weight"
     )
 
 
