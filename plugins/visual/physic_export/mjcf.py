@@ -36,7 +36,7 @@ from physic_export.humanoid import (
     vertex_segments,
 )
 from physic_export.meshes import scene_mesh
-from physic_export.tiles import Tile, overlapping_bodies, overlapping_segments, tile_errors
+from physic_export.tiles import Tile, overlapping_bodies, overlapping_segments
 from physic_visual.floor import floor_rectangles
 from physic_visual.rig import body_of_result
 from physic_visual.scene_mesh import mesh_scene, scene_reach
@@ -253,12 +253,6 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     note = f"{len(tiles)} convex tiles of the scene"
     if request.result.scene.floor is not None:
         note += "; a plane replaces everything less than 4 cm over the floor"
-    errors = tile_errors(request.result, tiles)
-    if errors is not None:
-        note += (
-            f"; from the scene to the tiles: {100 * errors[0]:.1f} cm (median), "
-            f"{100 * errors[1]:.1f} cm (95 %)"
-        )
     return ExportedFiles(files, (*notes, note, *left_out))
 
 

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from physic_core.geometry import RayCaster, transform_points, vertex_normals
+from physic_core.geometry import transform_points, vertex_normals
 from physic_export.humanoid import convex_hull
-from physic_visual.scene_mesh import is_near, mesh_scene, scene_reach
+from physic_visual.scene_mesh import mesh_scene, scene_reach
 
 if TYPE_CHECKING:
     from physic_core.types import Float64Array, Int64Array, Reconstruction
@@ -192,33 +192,6 @@ def _depth_inside(points: Float64Array, facets: Float64Array) -> float:
     are outside.
     """
     return float(-(points @ facets[:, :3].T + facets[:, 3]).max(1).min())
-
-
-def tile_errors(result: Reconstruction, tiles: Sequence[Tile]) -> tuple[float, float] | None:
-    """Return the median and the 95 % quantile of the distance from the scene's points to the tiles,
-    metres.
-
-    It is measured along the rays of the camera, over the points above the floor whose ray meets a
-    tile.
-    """
-    scene = result.scene
-    floor = result.scene.floor
-    points = scene.points[scene.valid & is_near(scene.points, scene_reach(result))].astype(
-        np.float64
-    )
-    if floor is not None:
-        points = points[points @ np.asarray(floor.normal, np.float64) + floor.offset > 2 * FLOOR_M]
-    if not tiles or not len(points):
-        return None
-    points = points[:: max(1, len(points) // _MAX_VERTICES)]
-    starts = np.cumsum([0, *(len(tile.vertices) for tile in tiles)])
-    faces = np.concatenate([tile.faces + start for tile, start in zip(tiles, starts, strict=False)])
-    hits = RayCaster(np.concatenate([tile.vertices for tile in tiles]), faces).first(
-        np.zeros(3), points
-    )
-    met = hits.face >= 0
-    apart = np.abs(hits.distance[met] - 1) * np.linalg.norm(points[met], axis=1)
-    return (float(np.median(apart)), float(np.quantile(apart, 0.95))) if len(apart) else None
 
 
 def _top_squares(cells: Int64Array, faces: Int64Array, side: int) -> list[Int64Array]:
