@@ -20,8 +20,6 @@ from physic_core.lazy import importer
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import torch
-
     from physic_core.body.array_pickle import InvalidArrayError as InvalidArrayError
     from physic_core.body.array_pickle import PickledObject as PickledObject
     from physic_core.body.array_pickle import UnsafePickleError as UnsafePickleError
@@ -96,18 +94,17 @@ _NAMES = {
 __getattr__ = importer(__name__, _NAMES)
 
 
-def load_body(source: str | Path = "embedded", device: torch.device | str = "cpu") -> BodyModel:
+def load_body(source: str | Path = "embedded") -> BodyModel:
     """Load the embedded body model or a SMPL-X file.
 
     Args:
         source: "embedded", or the path of your own ``SMPLX_*.npz`` (layouts v1.0 and v1.1; its
             first 10 shape and 10 expression components are used,
             ``physic_core.body.files.load_smplx`` takes other numbers).
-        device: where its tensors go.
 
     Raises:
         BodyModelError: the file does not exist, or is not an SMPL-X model.
     """
     from physic_core.body.files import load_embedded, load_smplx
 
-    return load_embedded(device) if source == "embedded" else load_smplx(source, device)
+    return load_embedded() if source == "embedded" else load_smplx(source)

@@ -32,7 +32,6 @@ _UP = np.array([0, *PARENTS[1:]])
 
 def rotations_from_parameters(
     parameters: BodyParameters,
-    device: torch.device | str = "cpu",
     dtype: torch.dtype = torch.float32,
 ) -> Tensor:
     """Return rotation matrices (N, 55, 3, 3) of every joint relative to its parent.
@@ -51,7 +50,7 @@ def rotations_from_parameters(
             )
         # An array of a plugin may be a view with negative strides, or read-only.
         writable = torch.from_numpy(np.require(value, requirements=["C", "W"]))
-        columns.append(writable.to(device=device, dtype=dtype).view(rows, count, 3))
+        columns.append(writable.to(dtype).view(rows, count, 3))
     return rotvec_to_rotmat(torch.cat(columns, 1))
 
 
@@ -69,15 +68,14 @@ def head_direction(rotations: Tensor) -> Tensor:
 
 def pose_from_parameters(
     parameters: BodyParameters,
-    device: torch.device | str = "cpu",
     dtype: torch.dtype = torch.float32,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Return the arguments of a body model: rotations (N, 55, 3, 3), betas (N, K), transl (N, 3)
     and expression (N, E).
     """
     rest = (parameters.betas, parameters.transl, parameters.expression)
-    betas, transl, expression = (tensor(value).to(device, dtype) for value in rest)
-    return rotations_from_parameters(parameters, device, dtype), betas, transl, expression
+    betas, transl, expression = (tensor(value).to(dtype) for value in rest)
+    return rotations_from_parameters(parameters, dtype), betas, transl, expression
 
 
 def parameters_from_rotations(
@@ -264,4 +262,4 @@ def replace_mesh_with_joints(bodies: Bodies, model: BodyModel) -> Bodies:
     """Return bodies with the posed joints of their body model, and without a mesh."""
     with torch.no_grad():
         joints = model(*pose_from_parameters(bodies.parameters), joints_only=True).joints
-    return replace(bodies, joints=joints.cpu().numpy(), mesh=None)
+    return replace(bodies, joints=joints.numpy(), mesh=None)

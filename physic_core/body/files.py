@@ -41,8 +41,6 @@ from physic_core.files.npz import (
 from physic_core.types import RestMesh
 
 if TYPE_CHECKING:
-    import torch
-
     from physic_core.body.model import BodyModel
     from physic_core.types import AnyArray, Float64Array, Int64Array
 
@@ -377,7 +375,6 @@ def load_smpl(path: str | Path, layout: ModelFileLayout = SMPL, num_betas: int =
 
 def load_smplx(
     path: str | Path,
-    device: torch.device | str = "cpu",
     *,
     num_betas: int = 10,
     num_expression: int = 10,
@@ -390,7 +387,6 @@ def load_smplx(
 
     Args:
         path: of an official ``.npz``.
-        device: where the tensors go.
         num_betas: shape components to use, at most 10 (v1.0) or 300 (v1.1).
         num_expression: expression components to use, at most 10 (v1.0) or 100 (v1.1).
 
@@ -401,7 +397,7 @@ def load_smplx(
     from physic_core.body.model import build_body_model
 
     arrays = smplx_arrays(path, num_betas=num_betas, num_expression=num_expression)
-    return build_body_model(arrays, device)
+    return build_body_model(arrays)
 
 
 _COLUMNS = {20: (10, 10), 400: (300, 100)}
@@ -447,22 +443,20 @@ def smplx_arrays(path: str | Path, *, num_betas: int = 10, num_expression: int =
     )
 
 
-def load_embedded(device: torch.device | str = "cpu") -> BodyModel:
+def load_embedded() -> BodyModel:
     """Return the embedded body model, float32; callers share its tensors.
 
     Raises:
         BodyModelError: the asset does not match its checksum.
     """
-    import torch
-
-    return _load(_folder(), torch.device(device))
+    return _load(_folder())
 
 
 @cache
-def _load(folder: Path, device: torch.device) -> BodyModel:
+def _load(folder: Path) -> BodyModel:
     from physic_core.body.model import build_body_model
 
-    return build_body_model(_read(folder), device)
+    return build_body_model(_read(folder))
 
 
 def embedded_arrays() -> BodyArrays:

@@ -92,7 +92,7 @@ def skeleton_regressor(skeleton: Skeleton, picks: Mapping[str, Tensor]) -> Landm
         BodyModelError: a point is not defined on a body, or refers to an unknown point.
     """
     blend, names = _landmark_weights(skeleton)
-    groups = [picks[name].cpu() for name in names if name not in JOINT_INDEX]
+    groups = [picks[name] for name in names if name not in JOINT_INDEX]
     ids = torch.cat([torch.zeros(0, dtype=torch.int64), *groups])
     points = torch.zeros(len(names), NUM_JOINTS + len(ids))
     start = NUM_JOINTS

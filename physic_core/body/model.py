@@ -23,7 +23,7 @@ from physic_core.body.landmarks import (
 from physic_core.body.posing import JointTree, Kinematics, Skin, pose_vertices
 from physic_core.errors import BodyModelError
 from physic_core.geometry.mesh import CoarseMesh, coarse_mesh, faces_of_vertices
-from physic_core.geometry.tensors import to_device
+from physic_core.geometry.tensors import to_dtype
 from physic_core.types.arrays import PER_PERSON
 from physic_core.types.bodies import RestMesh
 from physic_core.types.short_repr import ShortRepr
@@ -56,7 +56,7 @@ class BodyModel:
     """Body model with SMPL-X joints: zero rotations are a T-pose, y up, facing +z, left on +x.
 
     The root turns about the pelvis joint and ``transl`` is added after posing. Everything is
-    differentiable; the float type and the device are those of the asset (:meth:`to`).
+    differentiable; the float type is that of the asset (:meth:`to`).
 
     Attributes:
         name: "embedded" or "smplx"; their parameters are not interchangeable.
@@ -97,7 +97,7 @@ class BodyModel:
     def __repr__(self) -> str:
         return (
             f"BodyModel({self.name}, {self.num_vertices} vertices, {self.num_betas} betas, "
-            f"{self.dtype}, {self.device})"
+            f"{self.dtype})"
         )
 
     @property
@@ -120,17 +120,12 @@ class BodyModel:
     def part_mask(self, *endings: str) -> Tensor:
         """Return the vertices (V,) bool of body parts whose names have one of these endings."""
         chosen = torch.tensor([name.endswith(endings) for name in self.part_names])
-        return chosen.to(self.device)[self.part_of_vertex]
+        return chosen[self.part_of_vertex]
 
     @property
     def dtype(self) -> torch.dtype:
         """Float type of the asset."""
         return self.skin.template.dtype
-
-    @property
-    def device(self) -> torch.device:
-        """Device of the asset."""
-        return self.skin.template.device
 
     @cached_property
     def faces_of_vertices(self) -> Tensor:
@@ -145,17 +140,11 @@ class BodyModel:
     @cached_property
     def coarse(self) -> CoarseMesh:
         """Decimated mesh with a quarter of the vertices, 2 cm apart, for visibility tests."""
-        # Sums on the CPU have a fixed order, so the result is deterministic.
-        template, faces, part = (
-            t.cpu() for t in (self.skin.template.T, self.faces, self.part_of_vertex)
-        )
-        return to_device(coarse_mesh(template, faces, part, _COARSE_M), self.device)
+        return coarse_mesh(self.skin.template.T, self.faces, self.part_of_vertex, _COARSE_M)
 
-    def to(
-        self, device: torch.device | str | None = None, dtype: torch.dtype | None = None
-    ) -> BodyModel:
-        """Return a copy on another device, or in another float type."""
-        return to_device(self, device, dtype)
+    def to(self, dtype: torch.dtype) -> BodyModel:
+        """Return a copy in another float type."""
+        return to_dtype(self, dtype)
 
     def __call__(
         self,
@@ -200,7 +189,7 @@ class BodyModel:
         T-pose.
         """
         like = self.skin.template
-        eye = torch.eye(3, dtype=like.dtype, device=like.device)
+        eye = torch.eye(3, dtype=like.dtype)
         return (
             eye.repeat(batch, NUM_JOINTS, 1, 1),
             like.new_zeros(batch, self.num_betas),
@@ -219,7 +208,7 @@ class BodyModel:
             raise BodyModelError(str(error)) from error
         own = self.regressors.get(skeleton)
         chosen = skeleton_regressor(skeleton, self.surface_points) if own is None else own
-        return to_device(chosen, self.device, self.dtype)
+        return to_dtype(chosen, self.dtype)
 
     def landmarks(self, output: BodyOutput, skeleton: Skeleton | str) -> Tensor:
         """Return the keypoints (B, J, 3) of a skeleton on posed bodies, metres.
@@ -251,11 +240,7 @@ class BodyModel:
         Raises:
             BodyModelError: as :meth:`regressor`.
         """
-        extra = (
-            torch.zeros(0, dtype=torch.int64, device=self.device)
-            if vertex_ids is None
-            else vertex_ids
-        )
+        extra = torch.zeros(0, dtype=torch.int64) if vertex_ids is None else vertex_ids
         regressors = {skeleton: self.regressor(skeleton) for skeleton in skeletons}
         wanted = torch.cat([extra, *(r.vertex_ids for r in regressors.values())])
         sizes = [len(extra), *(len(r.vertex_ids) for r in regressors.values())]
@@ -348,11 +333,11 @@ def _coefficients(num_expression: int, betas: Tensor, expression: Tensor | None)
     )
 
 
-def build_body_model(arrays: BodyArrays, device: torch.device | str = "cpu") -> BodyModel:
-    """Build a BodyModel, float32, on a device."""
+def build_body_model(arrays: BodyArrays) -> BodyModel:
+    """Build a BodyModel, float32."""
     picks = derive_vertex_sets(arrays) if arrays.picks is None else arrays.picks
     kinematics, skin = _mechanics(arrays)
-    model = BodyModel(
+    return BodyModel(
         name=arrays.name,
         topology=arrays.topology,
         faces=torch.as_tensor(arrays.faces),
@@ -368,7 +353,6 @@ def build_body_model(arrays: BodyArrays, device: torch.device | str = "cpu") -> 
         extremes=torch.as_tensor(picks.extremes.astype(np.int64)),
         info=arrays.info,
     )
-    return model.to(device)
 
 
 _NUM_CROWN = 40
@@ -427,5 +411,5 @@ def _ids(groups: Mapping[str, AnyArray]) -> dict[str, Tensor]:
 def rest_mesh_of_model(model: BodyModel) -> RestMesh:
     """Return the mesh of the mean body of a model in its T-pose."""
     with torch.no_grad():
-        vertices = model(*model.zero_pose()).vertices[0].cpu().numpy()
-    return RestMesh(model.topology, vertices, model.faces.cpu().numpy())
+        vertices = model(*model.zero_pose()).vertices[0].numpy()
+    return RestMesh(model.topology, vertices, model.faces.numpy())

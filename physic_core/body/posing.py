@@ -112,7 +112,7 @@ class Skin:
         """
         if len(self.directions) <= shape.shape[1]:
             return shape
-        identity = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
+        identity = torch.eye(3, dtype=rotations.dtype)
         return torch.cat([shape, (rotations[:, 1:] - identity).flatten(1)], 1)
 
     def pose(self, coefficients: Tensor, skinning: Tensor) -> Tensor:
@@ -170,9 +170,9 @@ class Kinematics:
         ancestor = [p if p >= 0 else none for p in parents] + [none]
         rounds = []
         while any(a != none for a in ancestor):
-            rounds.append(torch.tensor(ancestor, device=template.device))
+            rounds.append(torch.tensor(ancestor))
             ancestor = [ancestor[a] for a in ancestor]
-        own_parent = torch.tensor([0, *parents[1:]], device=template.device)
+        own_parent = torch.tensor([0, *parents[1:]])
         return cls(template, directions.flatten(1), bind_rot, tuple(rounds), own_parent)
 
     def rest_joints(self, coefficients: Tensor) -> Tensor:
@@ -203,7 +203,7 @@ class Kinematics:
         if self.bind_rot is not None:
             turned = self.bind_rot.index_select(0, self.parents[1:]) @ offsets[:, 1:]
             offsets = torch.cat([offsets[:, :1], turned], 1)
-        identity = torch.eye(4, dtype=rotations.dtype, device=rotations.device)
+        identity = torch.eye(4, dtype=rotations.dtype)
         bottom = identity[3:].expand(batch, len(self.parents), 1, 4)
         local = torch.cat([torch.cat([rotations, offsets], -1), bottom], -2)
         product = torch.cat([local, identity.expand(batch, 1, 4, 4)], 1)
@@ -229,7 +229,7 @@ class JointTree:
         self.kinematics = kinematics
         parents = kinematics.parents
         like = kinematics.template
-        eye = torch.eye(len(parents), dtype=like.dtype, device=like.device)
+        eye = torch.eye(len(parents), dtype=like.dtype)
         step = eye[parents].clone()
         step[0] = 0.0  # the root has no parent
         reach = eye
@@ -238,9 +238,7 @@ class JointTree:
             reach = reach + step @ reach
             step = step @ step
         self.family = (reach.T > 0).to(like)
-        self.incidence = (
-            eye - eye[parents] * (torch.arange(len(parents), device=like.device) > 0)[:, None]
-        )
+        self.incidence = eye - eye[parents] * (torch.arange(len(parents)) > 0)[:, None]
 
 
 def parent_rotations(turns: Tensor, parents: Tensor) -> Tensor:
@@ -251,7 +249,7 @@ def parent_rotations(turns: Tensor, parents: Tensor) -> Tensor:
         parents: (n,) of the first n joints.
     """
     above = turns.index_select(1, parents)
-    above[:, 0] = torch.eye(3, dtype=turns.dtype, device=turns.device)
+    above[:, 0] = torch.eye(3, dtype=turns.dtype)
     return above
 
 

@@ -68,9 +68,7 @@ def keypoints_of_observed_limbs(skeleton: Skeleton, observed: Tensor) -> Tensor:
     Keypoints of the face, and keypoints with names specific to the skeleton, always count as
     visible.
     """
-    observed_keypoints = torch.ones(
-        len(observed), len(skeleton), dtype=torch.bool, device=observed.device
-    )
+    observed_keypoints = torch.ones(len(observed), len(skeleton), dtype=torch.bool)
     for j, name in enumerate(skeleton.names):
         joint = _joint_of(name)
         if joint is not None:

@@ -229,18 +229,18 @@ def compare_silhouettes(
     height, width = masks.shape[-2:]
     scale = min(1.0, _LONG_SIDE_PX / max(height, width))
     size = (max(1, round(height * scale)), max(1, round(width * scale)))
-    masks = F.interpolate(masks[:, None].float().cpu(), size, mode="area")[:, 0] > 0
+    masks = F.interpolate(masks[:, None].float(), size, mode="area")[:, 0] > 0
     K = K.to("cpu", torch.float32).clone()
     for row, factor in enumerate((size[1] / width, size[0] / height)):
         K[row] *= factor
         K[row, 2] += (factor - 1) / 2
     scene, photo = (
-        F.interpolate(depth[None, None].float().cpu(), size, mode="nearest")[0, 0]
+        F.interpolate(depth[None, None].float(), size, mode="nearest")[0, 0]
         for depth in (scene_depth, photo_depth)
     )
     shares = []
     for body, mask in zip(vertices.to("cpu", torch.float32), masks, strict=True):
-        depth = _depth_of_body(body, faces.cpu(), K, size)
+        depth = _depth_of_body(body, faces, K, size)
         rim = max(1, round(_RIM * math.sqrt(float(mask.sum()))))
         visible = torch.isfinite(depth) & (mask | ~masks.any(0)) & ~(scene < depth - _IN_FRONT_M)
         inside = _share(visible & dilate_square(mask, rim), visible & mask.any())

@@ -53,7 +53,7 @@ class SceneState(ShortRepr):
 
 @dataclass(frozen=True)
 class Surroundings(ShortRepr):
-    """Surfaces around people, metres, in the type and on the device of their bodies.
+    """Surfaces around people, metres, in the type of their bodies.
 
     Attributes:
         points: (M, 3), valid points of the scene.
@@ -72,7 +72,7 @@ class Surroundings(ShortRepr):
 
     @classmethod
     def of(cls, scene: SceneState, like: Tensor) -> Surroundings:
-        """Return the surfaces of a scene, in the type and on the device of ``like``."""
+        """Return the surfaces of a scene, in the type of ``like``."""
         points, normals = scene.surface
         floor = scene.floor
         return cls(

@@ -196,7 +196,7 @@ class JointResult(ShortRepr):
 class State(ShortRepr):
     """Scene and N people of a photo; a stage returns the state with what it has found.
 
-    Tensors of people have the floating-point type and the device of the body model. Fields of a
+    Tensors of people have the floating-point type of the body model. Fields of a
     stage that has not run are None.
 
     Attributes:
@@ -319,7 +319,7 @@ class State(ShortRepr):
     def is_given(self) -> Tensor:
         """Bodies (N,) bool that the user gives."""
         if self.distance_sigma is None:
-            return torch.zeros(len(self), dtype=torch.bool, device=self.transl.device)
+            return torch.zeros(len(self), dtype=torch.bool)
         return ~torch.isnan(self.distance_sigma)
 
     @property
@@ -349,7 +349,7 @@ class State(ShortRepr):
     @property
     def photo_counts(self) -> Tensor:
         """Number of photos (N,) that show each person; at least 1, for the photo of the state."""
-        here = torch.ones(len(self), device=self.K.device, dtype=torch.bool)
+        here = torch.ones(len(self), dtype=torch.bool)
         shown = [(view.keypoint_confidence > 0).any(1) for view in self.views]
         return torch.stack([here, *shown]).sum(0)
 

@@ -162,9 +162,7 @@ def _sample_pixels(
 ) -> Tensor:
     """Return flat indices (M,) of valid pixels, at most ``_MAX_PIXELS``, in random order."""
     chosen = valid.flatten().nonzero()[:, 0]
-    chosen = chosen[
-        torch.randperm(len(chosen), generator=generator)[:_MAX_PIXELS].to(chosen.device)
-    ]
+    chosen = chosen[torch.randperm(len(chosen), generator=generator)[:_MAX_PIXELS]]
     usable = torch.ones_like(chosen, dtype=torch.bool)
     for points in (relative, target):
         some = points.reshape(-1, 3)[chosen]
@@ -228,9 +226,9 @@ def _ransac(
     """
     size = 1 if unknown == "scale" else 2
     drawn = torch.multinomial(
-        system.weight.cpu(), options.hypotheses * size, replacement=True, generator=generator
+        system.weight, options.hypotheses * size, replacement=True, generator=generator
     )
-    picks = drawn.view(options.hypotheses, size).to(system.b.device)
+    picks = drawn.view(options.hypotheses, size)
     A = system.A[picks].flatten(1, 2)
     b = system.b[picks].flatten(1, 2)
     models = _solve(A.mT @ A, (A.mT @ b[..., None])[..., 0], unknown)

@@ -1,7 +1,7 @@
 """Pinhole projection and unprojection, and the removal of a lens's distortion.
 
 OpenCV axes (x right, y down, z forward), no skew. Integer pixel coordinates are pixel centres.
-Leading dimensions broadcast; results have the dtype and device of the points.
+Leading dimensions broadcast; results have the dtype of the points.
 
 Distortion is the Brown-Conrady model with OpenCV's five coefficients k1, k2, p1, p2, k3. A point
 (x, y) of the pinhole camera, in units of the focal length, appears in the photo at
@@ -64,11 +64,11 @@ def unproject(uv: Tensor, depth: Tensor, K: Tensor) -> Tensor:
 
 
 def pixel_grid(height: int, width: int, like: Tensor) -> Tensor:
-    """Return the (x, y) coordinates (H, W, 2) of all pixel centres, with the dtype and device of
+    """Return the (x, y) coordinates (H, W, 2) of all pixel centres, with the dtype of
     ``like``.
     """
-    v = torch.arange(height, dtype=like.dtype, device=like.device)
-    u = torch.arange(width, dtype=like.dtype, device=like.device)
+    v = torch.arange(height, dtype=like.dtype)
+    u = torch.arange(width, dtype=like.dtype)
     return torch.stack((u.expand(height, width), v[:, None].expand(height, width)), dim=-1)
 
 
@@ -94,7 +94,7 @@ def mean_camera(first: Tensor, second: Tensor) -> Tensor:
 
 
 def intrinsics_matrix(fx: float, fy: float, cx: float, cy: float, like: Tensor) -> Tensor:
-    """Return the intrinsics matrix (3, 3), px, with the dtype and device of ``like``."""
+    """Return the intrinsics matrix (3, 3), px, with the dtype of ``like``."""
     return like.new_tensor([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 

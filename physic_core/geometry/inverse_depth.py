@@ -145,9 +145,7 @@ def average_blocks(view: InverseDepthMap, mask: Tensor | None) -> BlockMeans:
         if mask is None or block == 1 or int(candidate.sum()) >= 10 * FEWEST_SAMPLES:
             break
         block = block // 2
-    down = torch.linspace(0, 1, len(share), dtype=share.dtype, device=share.device)[:, None].expand(
-        share.shape
-    )
+    down = torch.linspace(0, 1, len(share), dtype=share.dtype)[:, None].expand(share.shape)
     lower = down >= 1 - LOWER_SHARE
     is_known = share > 0
     return BlockMeans(
@@ -191,7 +189,7 @@ def fit_plane(
         return None
     counted = samples.candidate | samples.lower
     if int(counted.sum()) > 2 * _SCORED_SAMPLES:
-        order = torch.randperm(len(counted), generator=generator).to(counted.device)
+        order = torch.randperm(len(counted), generator=generator)
         some = order[counted[order]][:_SCORED_SAMPLES]
         planes = planes[
             _score(samples, planes, tolerance, some).topk(min(_FINALISTS, len(planes))).indices
@@ -205,10 +203,8 @@ def _draw_planes(
 ) -> Tensor:
     """Return valid planes (G, 3) through three random candidates each."""
     index = samples.candidate.nonzero()[:, 0]
-    odds = samples.weight[index].float().cpu()
-    drawn = torch.multinomial(odds, 3 * _HYPOTHESES, replacement=True, generator=generator).to(
-        index.device
-    )
+    odds = samples.weight[index].float()
+    drawn = torch.multinomial(odds, 3 * _HYPOTHESES, replacement=True, generator=generator)
     triples = index[drawn].view(_HYPOTHESES, 3)
     planes = planes_through(samples.rays, samples.inverse, triples)
     return planes[_is_level(planes, slope, up)]
@@ -260,9 +256,7 @@ def _refine(
         if up is not None:
             # A prior on the component perpendicular to up, which is the angle between them times
             # the length.
-            across = torch.eye(3, dtype=plane.dtype, device=plane.device) - torch.outer(up, up).to(
-                plane
-            )
+            across = torch.eye(3, dtype=plane.dtype) - torch.outer(up, up).to(plane)
             angle = float(torch.linalg.vector_norm(plane)) * _UP_SIGMA
             prior = _UP_SHARE * weight.sum() * (tolerance / angle) ** 2 * across
         refitted = weighted_plane(samples.rays, samples.inverse, weight, prior)

@@ -88,10 +88,8 @@ def faces_of_vertices(faces: Tensor, count: int) -> Tensor:
     order = corner.argsort(stable=True)
     owner = corner[order]
     meeting = torch.bincount(corner, minlength=count)
-    slot = torch.arange(len(owner), device=faces.device) - (meeting.cumsum(0) - meeting)[owner]
-    table = torch.full(
-        (count, int(meeting.max())), len(faces), dtype=torch.int64, device=faces.device
-    )
+    slot = torch.arange(len(owner)) - (meeting.cumsum(0) - meeting)[owner]
+    table = torch.full((count, int(meeting.max())), len(faces), dtype=torch.int64)
     table[owner, slot] = order // 3
     return table
 
@@ -129,7 +127,7 @@ def _sum_at_corners(per_face: Tensor, faces: Tensor, vertices: Tensor) -> Tensor
 
     *lead, count, _ = vertices.shape
     columns = per_face.shape[-1]
-    corners = (faces.T[..., None] * columns + torch.arange(columns, device=faces.device)).flatten(1)
+    corners = (faces.T[..., None] * columns + torch.arange(columns)).flatten(1)
     bodies = [vertices.new_zeros(0)]
     # Along one axis: torch adds rows several times as slowly.
     for values in per_face.reshape(math.prod(lead), len(faces) * columns):

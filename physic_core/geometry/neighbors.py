@@ -41,7 +41,7 @@ def nearest_indices(
     distance, row = tree.query(*exact_arrays(places), distance_upper_bound=radius)
     # SciPy returns the number of points if none is found
     pair = np.where(np.isfinite(distance), row, 0).astype(np.int64), distance
-    rows, distances = (torch.from_numpy(each).to(places.device) for each in pair)
+    rows, distances = (torch.from_numpy(each) for each in pair)
     return rows, distances.to(places.dtype)
 
 
@@ -93,8 +93,8 @@ class NearestPointSearch:
         finite = torch.isfinite(flat).all(-1)
         flat = torch.where(finite[:, None], flat, 0.0)
         if len(self.points) == 0:
-            index = torch.zeros(len(flat), dtype=torch.int64, device=flat.device)
-            distance = torch.full((len(flat),), torch.inf, dtype=flat.dtype, device=flat.device)
+            index = torch.zeros(len(flat), dtype=torch.int64)
+            distance = torch.full((len(flat),), torch.inf, dtype=flat.dtype)
         else:
             index, distance = self.lookup(flat, radius / scale)
         distance = distance * scale
@@ -123,7 +123,7 @@ def inside_body_boxes(points: Tensor, vertices: Tensor, margin: float) -> Tensor
         vertices: (B, V, 3) metres.
         margin: metres.
     """
-    keep = torch.zeros(len(points), dtype=torch.bool, device=points.device)
+    keep = torch.zeros(len(points), dtype=torch.bool)
     if not len(vertices):
         return keep
     low = vertices.amin(1) - margin

@@ -24,8 +24,8 @@ def dilate_square(mask: torch.Tensor, radius: int) -> torch.Tensor:
     if radius < 1 or not mask.numel():
         return mask
     side = 2 * radius + 1
-    grown = cv2.dilate(mask.cpu().numpy().view(np.uint8), np.ones((side, side), np.uint8))
-    return torch.from_numpy(grown.view(bool)).to(mask.device)
+    grown = cv2.dilate(mask.numpy().view(np.uint8), np.ones((side, side), np.uint8))
+    return torch.from_numpy(grown.view(bool))
 
 
 def span_of_true(hit: torch.Tensor, margin: int) -> slice:

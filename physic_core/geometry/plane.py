@@ -85,7 +85,7 @@ def _grid_points(low: Tensor, high: Tensor, spacing: float, max_points: int) -> 
 def _disc_points(middles: Tensor, radius: float, spacing: float) -> Tensor:
     """Return the points (N, 2) of a square lattice within ``radius`` of any centre (P, 2)."""
     reach = math.ceil(radius / spacing) + 1
-    step = torch.arange(-reach, reach + 1, device=middles.device)
+    step = torch.arange(-reach, reach + 1)
     around = torch.cartesian_prod(step, step)
     cells = []
     for middle in middles:

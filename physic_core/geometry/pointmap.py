@@ -91,11 +91,10 @@ def pointmap_normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tens
         (H, W, 3), zero where a pixel has no usable neighbour along both image axes.
     """
     height = len(points)
-    strip = _STRIP_ROWS if points.device.type == "cpu" else max(height, 1)
     normals = torch.empty_like(points, memory_format=torch.contiguous_format)
-    for top in range(0, height, strip):
+    for top in range(0, height, _STRIP_ROWS):
         first = max(top - 1, 0)
-        bottom = min(top + strip, height)
+        bottom = min(top + _STRIP_ROWS, height)
         part = _normals(points[first : bottom + 1], valid[first : bottom + 1], ratio)
         normals[top:bottom] = part[top - first : bottom - first]
     return normals

@@ -1,4 +1,4 @@
-"""Depth buffers of batches of posed bodies on any device.
+"""Depth buffers of batches of posed bodies.
 
 Camera frame (x right, y down, z forward), metres; the camera is the origin. Triangles are bucketed
 by the size of their pixel box, and each bucket is tested as one block. A minimum over (depth, face)
@@ -29,14 +29,13 @@ def rasterize(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int)
         width: of the image.
     """
     batch = len(pixels)
-    device = pixels.device
     nothing = torch.iinfo(torch.int64).max
-    pictures = torch.full((batch, height, width), nothing, dtype=torch.int64, device=device)
+    pictures = torch.full((batch, height, width), nothing, dtype=torch.int64)
     # (B * F, 3, 2), (B * F, 3)
     corner = pixels[:, faces].flatten(0, 1)
     depth = z[:, faces].flatten(0, 1)
-    body = torch.arange(batch, device=device).repeat_interleave(len(faces))
-    name = torch.arange(len(faces), device=device).repeat(batch)
+    body = torch.arange(batch).repeat_interleave(len(faces))
+    name = torch.arange(len(faces)).repeat(batch)
     low = corner.amin(1).ceil().clamp(min=0)
     high = torch.minimum(corner.amax(1).floor(), pixels.new_tensor([width - 1, height - 1]))
     extent = (high - low + 1).amax(1)
@@ -90,7 +89,7 @@ def _draw(pictures: Tensor, triangles: _Triangles, side: int) -> None:
     """Draw the triangles of one bucket into the depth buffers."""
     corner, depth, low, high, body, name = triangles
     _, height, width = pictures.shape
-    steps = torch.arange(side, device=corner.device, dtype=corner.dtype)
+    steps = torch.arange(side, dtype=corner.dtype)
     x, y = (low[:, k, None] + steps for k in range(2))  # (n, side)
     weights = _doubled_parts(corner, x, y)
     total = weights[0] + weights[1] + weights[2]

@@ -17,8 +17,8 @@ _SKEW = ((0, 0, 0, 0, 0, -1, 0, 1, 0), (0, 0, 1, 0, 0, 0, -1, 0, 0), (0, -1, 0, 
 
 
 @functools.cache
-def _skew_basis(device: torch.device, dtype: torch.dtype) -> Tensor:
-    return torch.tensor(_SKEW, device=device, dtype=dtype)
+def _skew_basis(dtype: torch.dtype) -> Tensor:
+    return torch.tensor(_SKEW, dtype=dtype)
 
 
 def rotvec_to_rotmat(rotvec: Tensor) -> Tensor:
@@ -35,7 +35,7 @@ class _RotvecToRotmat(torch.autograd.Function):
         square = rotvec.square().sum(-1, keepdim=True)
         sine, versine = _sinc_and_versine(square)
         # R = cos(t) 1 + sin(t)/t [v] + (1 - cos(t))/t^2 v v^T
-        flat = sine * (rotvec @ _skew_basis(rotvec.device, rotvec.dtype)) + versine * (
+        flat = sine * (rotvec @ _skew_basis(rotvec.dtype)) + versine * (
             rotvec[..., :, None] * rotvec[..., None, :]
         ).flatten(-2)
         flat[..., ::4] += 1 - versine * square
@@ -49,9 +49,7 @@ class _RotvecToRotmat(torch.autograd.Function):
         rotvec, matrix, square, sine, versine = ctx.saved_tensors
         # dR = [J dv] R with the left Jacobian J = sin(t)/t 1 + (1 - cos(t))/t^2 [v] + (t -
         # sin(t))/t^3 v v^T
-        turn = (gradients[0] @ matrix.transpose(-1, -2)).flatten(-2) @ _skew_basis(
-            rotvec.device, rotvec.dtype
-        ).T
+        turn = (gradients[0] @ matrix.transpose(-1, -2)).flatten(-2) @ _skew_basis(rotvec.dtype).T
         along = _jacobian_along(square, sine) * (turn * rotvec).sum(-1, keepdim=True)
         slope: Tensor = sine * turn + versine * torch.linalg.cross(turn, rotvec) + along * rotvec
         return slope

@@ -1,4 +1,4 @@
-"""Convert arrays of backends to tensors of the engine and back; move dataclasses of tensors."""
+"""Convert arrays of backends to tensors of the engine and back; convert dataclasses of tensors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _Record = TypeVar("_Record")
 
 
 def tensor(array: AnyArray) -> torch.Tensor:
-    """Convert an array to a CPU tensor: floats to float32, other types unchanged.
+    """Convert an array to a tensor: floats to float32, other types unchanged.
 
     Data is copied only if the type changes or the array is read-only or not contiguous.
     """
@@ -37,40 +37,35 @@ def optional_tensors(*arrays: AnyArray | None) -> tuple[torch.Tensor | None, ...
 def arrays(**named: torch.Tensor) -> dict[str, Any]:
     """Convert tensors to arrays by their names: floats to float32, other types unchanged."""
     return {
-        name: (values.float() if values.is_floating_point() else values).cpu().numpy()
+        name: (values.float() if values.is_floating_point() else values).numpy()
         for name, values in named.items()
     }
 
 
 def exact_arrays(*given: torch.Tensor) -> tuple[AnyArray, ...]:
-    """Convert each tensor to an array on the CPU: floats to float64, other types unchanged."""
+    """Convert each tensor to an array: floats to float64, other types unchanged."""
     exact = (values.double() if values.is_floating_point() else values for values in given)
-    return tuple(values.detach().cpu().numpy() for values in exact)
+    return tuple(values.detach().numpy() for values in exact)
 
 
-def to_device(
-    record: _Record, device: torch.device | str | None = None, dtype: torch.dtype | None = None
-) -> _Record:
-    """Return a copy of a dataclass on another device, with its floating-point tensors in another
-    type.
+def to_dtype(record: _Record, dtype: torch.dtype) -> _Record:
+    """Return a copy of a dataclass with its floating-point tensors in another type.
 
     Args:
         record: its fields are tensors, dataclasses, mappings and tuples of these, and others, which
             stay.
-        device: None for the same.
-        dtype: None for the same.
+        dtype: of the copy.
     """
     copy: Any = record
     if isinstance(record, torch.Tensor):
-        copy = record.to(device=device, dtype=dtype if record.is_floating_point() else None)
+        copy = record.to(dtype) if record.is_floating_point() else record
     elif is_dataclass(record) and not isinstance(record, type):
         parts = {
-            field.name: to_device(getattr(record, field.name), device, dtype)
-            for field in fields(record)
+            field.name: to_dtype(getattr(record, field.name), dtype) for field in fields(record)
         }
         copy = replace(record, **parts)
     elif isinstance(record, Mapping):
-        copy = {name: to_device(item, device, dtype) for name, item in record.items()}
+        copy = {name: to_dtype(item, dtype) for name, item in record.items()}
     elif isinstance(record, tuple):
-        copy = tuple(to_device(item, device, dtype) for item in record)
+        copy = tuple(to_dtype(item, dtype) for item in record)
     return copy  # type: ignore[no-any-return]

@@ -80,8 +80,6 @@ def inside_mask(uv: Tensor, mask: Tensor) -> Tensor:
 def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
     """Return which vertices are behind another face of their own mesh.
 
-    Rays are cast on the CPU, so that every device gives the same answer.
-
     Args:
         vertices: (..., V, 3) metres, camera frame.
         faces: (F, 3) int64, of a closed surface, counter-clockwise seen from outside.
@@ -93,7 +91,7 @@ def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]
     shape = vertices.shape[:-1]
     people, triangles = exact_arrays(vertices.reshape(-1, *vertices.shape[-2:]), faces)
     in_front = np.stack([_faces_in_front(body, triangles) for body in people])
-    face = torch.from_numpy(in_front).to(vertices.device).reshape(shape)
+    face = torch.from_numpy(in_front).reshape(shape)
     return face >= 0, face
 
 
@@ -155,7 +153,7 @@ def self_occlusion(
     occluded_area = total.new_zeros(*by_other.shape[:-1], count).index_add(
         -1, part_of_vertex, by_other.to(total.dtype)
     )
-    eligible = torch.zeros(count, dtype=torch.bool, device=vertices.device)
+    eligible = torch.zeros(count, dtype=torch.bool)
     eligible[list(parts)] = True
     occluded = eligible & (occluded_area >= share * total) & (total > 0)
     return hidden, occluded[..., part_of_vertex]
@@ -221,7 +219,7 @@ def move_out_of_bodies(
     rays = start / np.maximum(np.linalg.norm(start, axis=1), 1e-9)[:, None]
     along = np.zeros(len(start))
     if not len(start):
-        return points, torch.zeros(0, dtype=torch.bool, device=points.device)
+        return points, torch.zeros(0, dtype=torch.bool)
     casters = [RayCaster(body, triangles) for body in people]
     for caster, is_candidate in zip(casters, visible, strict=True):
         along[is_candidate] = np.maximum(
@@ -240,10 +238,7 @@ def move_out_of_bodies(
         if not len(moving):
             break
     along = np.where(along <= reach, along, 0.0)
-    moved, out = (
-        torch.from_numpy(each).to(points.device)
-        for each in (start + along[:, None] * rays, along > 0)
-    )
+    moved, out = (torch.from_numpy(each) for each in (start + along[:, None] * rays, along > 0))
     return torch.where(out[:, None], moved.to(points), points), out
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def run_engine(
     estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageCaller
 ) -> Reconstruction:
-    """Run scene, placement, joint optimisation and contact on the device of the body model.
+    """Run scene, placement, joint optimisation and contact.
 
     Without people, the scene is the result. Checks and records of the run are not yet in it. The
     pipeline uses the CPU, since nearest-point search and ray casts run there.

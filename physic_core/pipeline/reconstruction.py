@@ -139,7 +139,7 @@ def _arrays_of_people(state: State, contact: Contact) -> dict[str, Any]:
         contact_partner=contact.partner,
     )
     if contact.probability is not None:
-        rows["contact_probability"] = contact.probability.cpu().numpy().astype(np.float16)
+        rows["contact_probability"] = contact.probability.numpy().astype(np.float16)
     return rows
 
 

@@ -11,7 +11,7 @@ import torch
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.settings import with_overrides
 from physic_core.engine.state import JointResult
-from physic_core.geometry.tensors import to_device
+from physic_core.geometry.tensors import to_dtype
 
 
 def adjusted(settings, **changes):
@@ -96,7 +96,7 @@ def larger_scene(state, factor):
 
 def in_float64(state):
     """Return the state with body and all numbers in double precision."""
-    return to_device(state, dtype=torch.float64)
+    return to_dtype(state, torch.float64)
 
 
 def with_options(joint, **changes):

@@ -137,7 +137,7 @@ class SkinDistances:
     def of_contacts(vertices: Tensor, skin_contacts: Iterable[SkinContact]) -> SkinDistances:
         """Return the distances of vertices (N, V, 3) that meet skin."""
         distance = torch.full_like(vertices[..., 0], torch.inf)
-        person, vertex = torch.zeros(2, *distance.shape, dtype=torch.int64, device=distance.device)
+        person, vertex = torch.zeros(2, *distance.shape, dtype=torch.int64)
         for contact in skin_contacts:
             for i, skin, j, other_skin in (
                 (contact.other, contact.other_skin, contact.person, contact.on_own),

@@ -90,7 +90,7 @@ def assign_partners(
         All partners, and the index (N, V) int16 of each vertex's; :data:`NO_PARTNER` without
         contact.
     """
-    index = torch.full(touched.shape, NO_PARTNER, dtype=torch.int16, device=touched.device)
+    index = torch.full(touched.shape, NO_PARTNER, dtype=torch.int16)
     numbers: dict[ContactPartner, int] = {}
     for rows, partner in _partner_candidates(touched, near, regions, up, photo_touch):
         rows = rows & (index == NO_PARTNER)
@@ -210,7 +210,7 @@ def _feet_on_floor(
     those of feet that are surely on something else.
     """
     height = near.surface.floor.abs()
-    on_floor, elsewhere = torch.zeros(2, *height.shape, dtype=torch.bool, device=height.device)
+    on_floor, elsewhere = torch.zeros(2, *height.shape, dtype=torch.bool)
     for side, name in enumerate(f"{side}_foot" for side in SIDES):
         if name not in regions.names:
             continue

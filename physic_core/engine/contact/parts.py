@@ -78,22 +78,17 @@ def scene_parts(
     """
     points = scene.points
     normals = scene.normals
-    raised = (
-        torch.zeros(len(points), dtype=torch.bool) if height is None else height.cpu() > _RAISED_M
-    )
+    raised = torch.zeros(len(points), dtype=torch.bool) if height is None else height > _RAISED_M
     label = _surface_label_of_points(points, row, names, labels, raised)
-    mistaken = _has_label(label, names, _CARRIES_NOBODY) & (
-        (normals @ up.to(normals)).cpu() > FACES_UP
-    )
+    mistaken = _has_label(label, names, _CARRIES_NOBODY) & ((normals @ up.to(normals)) > FACES_UP)
     label[mistaken] = -1
-    ground = row.cpu() < 0
+    ground = row < 0
     ground = ground | (_has_label(label, names, GROUND_SURFACES) & ~raised)
     if height is not None:
-        floor_distance = height.cpu().abs()
+        floor_distance = height.abs()
         ground = ground | (floor_distance < _CELL_M) | (mistaken & (floor_distance < _RAISED_M))
     surface = torch.from_numpy(_connected_surfaces(*exact_arrays(points, normals, label, ground)))
-    device = points.device
-    return SceneParts(names, label.to(device), surface.to(device), ground.to(device))
+    return SceneParts(names, label, surface, ground)
 
 
 _NO_SURFACE = ("unknown", "person", "sky")
@@ -103,12 +98,11 @@ _NEIGHBOUR_M = 0.5  # reach in which a visible point gives its class to a hidden
 def _surface_label_of_points(
     points: Tensor, row: Tensor, names: tuple[str, ...], labels: Tensor, raised: Tensor
 ) -> Tensor:
-    """Return the label (n,) of each point on the CPU; -1 where it is unknown."""
+    """Return the label (n,) of each point; -1 where it is unknown."""
     label = torch.full((len(points),), -1, dtype=torch.int64)
     if not len(points):
         return label
-    row = row.cpu()
-    named = torch.where(row >= 0, labels.cpu()[row], -1)
+    named = torch.where(row >= 0, labels[row], -1)
     floors = _has_label(named, names, GROUND_SURFACES)
     is_surface = (named >= 0) & ~_has_label(named, names, _NO_SURFACE)
     label[is_surface] = named[is_surface]
@@ -117,8 +111,8 @@ def _surface_label_of_points(
         (~is_surface & raised, is_surface & ~floors),
     ):
         if bool(hidden.any()) and bool(source.any()):
-            tree = search_tree(points.cpu()[source])
-            nearest, away = nearest_indices(tree, points.cpu()[hidden], _NEIGHBOUR_M)
+            tree = search_tree(points[source])
+            nearest, away = nearest_indices(tree, points[hidden], _NEIGHBOUR_M)
             label[hidden] = torch.where(away.isfinite(), named[source][nearest], -1)
     return label
 

@@ -52,7 +52,7 @@ class PeopleInPhoto:
     @classmethod
     def of(cls, photo: PhotoContent, state: State) -> PeopleInPhoto:
         """Return where the people of a state are with their final bodies."""
-        return cls(photo, project(state.vertices, state.K).cpu(), state.visible_vertices)
+        return cls(photo, project(state.vertices, state.K), state.visible_vertices)
 
     def carrier_name_of_part(self, person: int, part: str, skin: Tensor) -> str | None:
         """Return the name of what carries a part of a person: a label, "seat" below buttocks beside

@@ -332,7 +332,7 @@ def _people_evidence(
     """
     observations = photo.observations
     with torch.no_grad():
-        posed = model(*pose_from_parameters(bodies.parameters, model.device, model.dtype)[:3])
+        posed = model(*pose_from_parameters(bodies.parameters, model.dtype)[:3])
     (vertices,) = exact_arrays(posed.vertices)
     observed = bodies.observed
     if observed is None:
@@ -349,7 +349,7 @@ def _people_evidence(
     real = photo.people.scores * adult
     torsos = _torsos(photo, model, vertices, sigma, real)
     lie = observations.posture[:, POSTURES.index("lie")] > LEAST_PROBABILITY
-    upright = posed.joints.cpu()[torch.from_numpy(~lie)]
+    upright = posed.joints[torch.from_numpy(~lie)]
     across = may_rest_on_any_skin(photo.keypoints, observations)
     low = low_skin(across, torch.from_numpy(vertices), model, observed, stance.holds, up)
     return _PeopleEvidence(

@@ -63,8 +63,8 @@ class LowSkin(NamedTuple):
         people whose trunk is.
         """
         is_low = np.zeros((len(self.may_rest), 4), bool)
-        limb_masks = [model.part_mask(name).cpu() for name in TOUCH_PARTS[:4]]
-        trunk = model.part_mask("torso").cpu()
+        limb_masks = [model.part_mask(name) for name in TOUCH_PARTS[:4]]
+        trunk = model.part_mask("torso")
         for i in np.flatnonzero(self.may_rest).tolist():
             layer = self.lowest_vertices(i, up)
             height = self.vertices[i] @ up.to(self.vertices)
@@ -120,9 +120,9 @@ def low_skin(
     for side, held in zip(SIDES, holds.T, strict=True):
         visible_parts[:, model.part_names.index(f"{side}_hand")] &= ~torch.from_numpy(held)
     people_skin = LowSkin(
-        may_rest.copy(), vertices, visible_parts[:, model.part_of_vertex.cpu()] & model.outer.cpu()
+        may_rest.copy(), vertices, visible_parts[:, model.part_of_vertex] & model.outer
     )
-    feet = model.part_mask("foot").cpu()
+    feet = model.part_mask("foot")
     for i in np.flatnonzero(may_rest).tolist():
         whole = bool(torch.isfinite(vertices[i]).all()) and bool(people_skin.skin[i].any())
         people_skin.may_rest[i] = (

@@ -81,7 +81,7 @@ class JointEnergy:
         if not any(bool((value > 0).any()) for term in terms for value in term(bodies).values()):
             return None
         links = torch.cat([term.links for term in terms])
-        return connected_groups(links, len(self.state)).to(links.device)
+        return connected_groups(links, len(self.state))
 
     @property
     def weights(self) -> dict[str, Tensor]:

@@ -313,7 +313,6 @@ def _evaluate(energy: EnergyTerms, at: Tensor) -> _Point:
     gradients = torch.autograd.grad(total, wanted, allow_unused=True)
     flat = [torch.zeros_like(p) if g is None else g for p, g in zip(wanted, gradients, strict=True)]
     gradient = torch.cat([g.reshape(-1) for g in flat[:-1]])
-    # one synchronisation with the device
     value, checksum = torch.stack([total.detach(), gradient.sum()]).tolist()
     people, scale = variables.split(gradient)
     if scale is not None:

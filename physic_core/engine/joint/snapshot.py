@@ -136,7 +136,7 @@ def sample_mask_neighbours(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:
     (9, B, V) bool.
     """
     height, width = masks.shape[-2:]
-    steps = torch.tensor([-1.0, 0.0, 1.0], device=uv.device, dtype=uv.dtype) * reach[:, None]
+    steps = torch.tensor([-1.0, 0.0, 1.0], dtype=uv.dtype) * reach[:, None]
     # (B, 3, V): three columns and three rows
     u, v = ((uv[..., None, :, axis] + steps[..., None]) for axis in (0, 1))
     in_u = (u >= -0.5) & (u < width - 0.5)

@@ -303,5 +303,5 @@ def _subsample(points: Tensor, max_points: int) -> Tensor:
     last = len(points) - 1
     if last < max_points:
         return points
-    rows = torch.linspace(0, last, max_points, dtype=torch.float64, device=points.device)
+    rows = torch.linspace(0, last, max_points, dtype=torch.float64)
     return points[rows.round().long()]

@@ -133,7 +133,7 @@ def people_to_place(
             size=torch.ones(2, dtype=torch.float64),
             vertices=body,
             normals=normals[i],
-            outer=model.outer.cpu(),
+            outer=model.outer,
             points=_on_cpu(clouds[i]),
             mask=masks[i],
             soles=body[resting[i]] if on_floor else body[:0],
@@ -150,11 +150,11 @@ def _vertices_that_may_rest(state: State, vertices: Tensor) -> list[Tensor]:
     """Return the vertices of each person that may rest on the floor: the lowest skin in sight of
     those who lie, plank or are on all fours, the soles of others.
     """
-    found = [state.model.soles.cpu()] * len(state)
+    found = [state.model.soles] * len(state)
     if state.rest_probability is None:
         return found
     parts = observed_parts(state.model.part_names, state.observed)
-    skin = (parts[:, state.model.part_of_vertex] & state.model.outer).cpu()
+    skin = parts[:, state.model.part_of_vertex] & state.model.outer
     heights = vertices @ state.up.to(vertices)
     for i in torch.isfinite(state.rest_probability).nonzero()[:, 0].tolist():
         if bool(skin[i].any()):

@@ -61,11 +61,9 @@ def scene_camera(points: Tensor, valid: Tensor, cameras: Cameras) -> Tensor:
     """
     for stated in (cameras.stated, cameras.metric_depth):
         if stated is not None:
-            return stated.to(points.device, torch.float64)
+            return stated.to(torch.float64)
     fx, fy, cx, cy = intrinsics_from_pointmap(points, valid)
-    return intrinsics_matrix(
-        fx, fy, cx, cy, torch.zeros((), dtype=torch.float64, device=points.device)
-    )
+    return intrinsics_matrix(fx, fy, cx, cy, torch.zeros((), dtype=torch.float64))
 
 
 class PixelSurface(NamedTuple):
@@ -128,9 +126,7 @@ class SceneStageMethod:
         metric = cameras.metric_depth
         pointmap = cameras.pointmap
         if common is None and metric is not None and pointmap is not None:
-            common = mean_camera(
-                metric.to(torch.float64), pointmap.to(metric.device, torch.float64)
-            )
+            common = mean_camera(metric.to(torch.float64), pointmap.to(torch.float64))
         if common is None:
             return (
                 points,

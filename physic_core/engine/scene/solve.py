@@ -31,7 +31,7 @@ from physic_core.geometry.camera import unproject
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pixels import all_finite, select_pixels
 from physic_core.geometry.pointmap import depth_to_pointmap
-from physic_core.geometry.tensors import tensor, to_device
+from physic_core.geometry.tensors import tensor, to_dtype
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics
@@ -45,7 +45,7 @@ def solve_scene(estimates: Estimates, model: BodyModel, method: SceneStageMethod
 
     Args:
         estimates: of the photo.
-        model: body model of the people, whose type and device their tensors get.
+        model: body model of the people, whose type their tensors get.
         method: of stage 1.
 
     Raises:
@@ -79,14 +79,14 @@ def _trust(camera: Intrinsics) -> int:
 
 
 def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) -> State:
-    """Return the people as estimated, in the type and on the device of the model."""
+    """Return the people as estimated, in the type of the model."""
     bodies = estimates.bodies
     detected = keypoints_on_body(estimates.photo.keypoints)
     masks = estimates.photo.masks
     observed = bodies.observed
 
     def own(array: FloatArray) -> Tensor:
-        return tensor(array).to(model.device, model.dtype)
+        return tensor(array).to(model.dtype)
 
     def own_if_stated(array: FloatArray | None) -> Tensor | None:
         return None if array is None else own(array)
@@ -94,17 +94,15 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
     if observed is None:
         observed = np.ones((len(masks), NUM_JOINTS), bool)
     stance = estimates.ground.stance
-    rotations, betas, transl, expression = pose_from_parameters(
-        bodies.parameters, model.device, model.dtype
-    )
+    rotations, betas, transl, expression = pose_from_parameters(bodies.parameters, model.dtype)
     observations = estimates.photo.observations
     return State(
         model=model,
         skeleton=detected.joint_set,
         keypoints=own(detected.points),
         keypoint_confidence=own(detected.confidence),
-        masks=masks.to(model.device),
-        observed=tensor(observed).to(model.device),
+        masks=masks,
+        observed=tensor(observed),
         contact_prior=own(estimates.contact.probability),
         rotations=rotations,
         betas=betas,
@@ -117,7 +115,7 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         head=own(observations.head),
         head_sigma=own(observations.head_sigma) * (torch.pi / 180),
         scene=scene,
-        K=scene.K.to(model.device, model.dtype),
+        K=scene.K.to(model.dtype),
         stand_probability=own(stance.stand_probability),
         rest_probability=own(stance.rest_probability),
         observed_touch=own(stance.touch),
@@ -125,7 +123,7 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         limb_touch_probability=own(stance.limb_touch_probability),
         carried=stance.carried,
         scale_sigma=estimates.depth.scale_sigma,
-        views=to_device(estimates.views, model.device, model.dtype),
+        views=to_dtype(estimates.views, model.dtype),
     )
 
 

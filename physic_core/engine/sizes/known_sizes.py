@@ -192,8 +192,8 @@ class LocatedSizes(ShortRepr):
         """Return the sizes of a selection of the people, (n,) int64; distances on other people are
         skipped.
         """
-        new_row = torch.full((len(self.stature) + 1,), _LEFT_OUT, device=rows.device)
-        new_row[rows] = torch.arange(len(rows), device=rows.device)
+        new_row = torch.full((len(self.stature) + 1,), _LEFT_OUT)
+        new_row[rows] = torch.arange(len(rows))
         new_row[_ON_SCENE] = _ON_SCENE  # the index -1 finds the slot behind the last person
         person = new_row[self.distances.person]
         distances = replace(self.distances, person=person)[(person != _LEFT_OUT).all(1)]
@@ -241,7 +241,6 @@ def _located_sizes(
     known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState
 ) -> LocatedSizes:
     """Find the scene points and people at the pixels of known lengths."""
-    masks = masks.cpu()
     used = {}
     for i, length in enumerate(known.lengths):
         start, end = (_end_at(pixel, masks, scene) for pixel in (length.start, length.end))
@@ -255,7 +254,7 @@ def _located_sizes(
         metres=torch.tensor([n.metres for n in lengths], dtype=torch.float64),
         person=torch.tensor([person for person, _ in ends], dtype=torch.int64).view(-1, 2),
         points=torch.tensor([point for _, point in ends], dtype=torch.float64).view(-1, 2, 3),
-        rays=homogeneous @ torch.linalg.inv(scene.K.double().cpu()).T,
+        rays=homogeneous @ torch.linalg.inv(scene.K.double()).T,
         index=torch.tensor([*used], dtype=torch.int64),
     )
     return LocatedSizes(

@@ -68,7 +68,7 @@ class ClosedForm(BodyConverter):
         assert contact.rest is not None
         correspondence = cached_correspondence(contact.rest, model)
         probability = correspondence.interpolate(contact.probability[..., None])[..., 0]
-        inner = ~model.outer.cpu().numpy()
+        inner = ~model.outer.numpy()
         probability = np.where(inner & np.isfinite(probability), 0.0, probability)
         return ContactProbability(probability.astype(contact.probability.dtype), model.topology)
 

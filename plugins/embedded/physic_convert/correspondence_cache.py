@@ -48,7 +48,7 @@ def _digest(rest: RestMesh, model: BodyModel) -> str:
     for array in (
         rest.vertices.astype(np.float32),
         rest.faces.astype(np.int64),
-        model.skin.template.cpu().numpy(),
+        model.skin.template.numpy(),
     ):
         digest.update(str(array.shape).encode() + np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()

@@ -77,9 +77,9 @@ class SampledBodyModel:
         """Extract the data of the vertices ``ids`` (n,) of a model."""
         count = model.num_betas
         kinematics = model.kinematics
-        skin = model.skin.subset(torch.as_tensor(ids, device=model.device))
+        skin = model.skin.subset(torch.as_tensor(ids))
         directions = skin.directions.permute(0, 2, 1)
-        poses = directions[count + model.num_expression :].cpu().numpy()
+        poses = directions[count + model.num_expression :].numpy()
         eye = torch.eye(3).repeat(NUM_JOINTS, 1, 1)
         template, shapes, weights, joints, joint_shapes, bound = exact_arrays(
             skin.template.T,
@@ -195,8 +195,8 @@ def sample_vertices(model: BodyModel, per_bone: int = _VERTICES_PER_BONE) -> Int
     """Return the ids of at most ``per_bone`` outer vertices of each bone, evenly sampled by id,
     ascending.
     """
-    owner = model.skin.weights.argmax(0).cpu().numpy()
-    outer = model.outer.cpu().numpy()
+    owner = model.skin.weights.argmax(0).numpy()
+    outer = model.outer.numpy()
     chosen = []
     for joint in range(NUM_JOINTS):
         own = np.flatnonzero((owner == joint) & outer)

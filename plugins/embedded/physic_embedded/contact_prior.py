@@ -89,7 +89,7 @@ class StaticContact(ContactPrior):
         for name, (option, joints) in _PARTS.items():
             rows = [JOINT_INDEX[joint] for joint in joints]
             is_visible = observed[:, rows].any(1, keepdims=True)
-            ids = self._model.contact_sets[name].cpu().numpy()
+            ids = self._model.contact_sets[name].numpy()
             part_probability = np.float32(getattr(self.options, option)) * is_visible
             probability[:, ids] = np.maximum(probability[:, ids], part_probability)
         rest = None

@@ -67,9 +67,7 @@ def fit_floor_metric(
 def _ransac(cloud: Tensor, directions: Tensor) -> tuple[Tensor, Tensor] | None:
     """Return normal (3,) and offset of the plane through three points with the most inliers."""
     generator = torch.Generator().manual_seed(_SEED)
-    corner = cloud[
-        torch.randint(len(cloud), (_HYPOTHESES, 3), generator=generator).to(cloud.device)
-    ]
+    corner = cloud[torch.randint(len(cloud), (_HYPOTHESES, 3), generator=generator)]
     raw = torch.linalg.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     length = torch.linalg.vector_norm(raw, dim=-1)
     flat = length > 1e-12
@@ -77,7 +75,7 @@ def _ransac(cloud: Tensor, directions: Tensor) -> tuple[Tensor, Tensor] | None:
     offset = -(normal * corner[flat, 0]).sum(-1)
     if not len(normal):
         return None
-    some = torch.randperm(len(cloud), generator=generator)[:_SAMPLES].to(cloud.device)
+    some = torch.randperm(len(cloud), generator=generator)[:_SAMPLES]
     batches = zip(normal.split(64), offset.split(64), strict=True)
     votes = torch.cat([_is_inlier(n, o, cloud[some], directions[some]).sum(-1) for n, o in batches])
     best = int(votes.argmax())

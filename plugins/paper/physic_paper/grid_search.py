@@ -37,10 +37,8 @@ class GridSearch(NearestPointSearch):
         self._low = low - margin
         self._high = high + margin
         self._last = cells - 1
-        self._table = torch.full((cells**3,), -1, dtype=torch.int64, device=points.device)
-        self._exact = cKDTree(
-            points.cpu().double().numpy(), balanced_tree=False, compact_nodes=False
-        )
+        self._table = torch.full((cells**3,), -1, dtype=torch.int64)
+        self._exact = cKDTree(points.double().numpy(), balanced_tree=False, compact_nodes=False)
 
     def lookup(self, places: Tensor, radius: float) -> tuple[Tensor, Tensor]:
         """Return the point of the node of each place, and its distance."""
@@ -60,5 +58,5 @@ class GridSearch(NearestPointSearch):
         return index, (places - self.points[index]).norm(dim=-1)
 
     def _nearest(self, places: Tensor) -> Tensor:
-        _, index = self._exact.query(places.cpu().double().numpy())
-        return torch.from_numpy(np.asarray(index, dtype=np.int64)).to(places.device)
+        _, index = self._exact.query(places.double().numpy())
+        return torch.from_numpy(np.asarray(index, dtype=np.int64))

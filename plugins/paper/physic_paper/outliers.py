@@ -23,7 +23,7 @@ def knn_outliers(points: Tensor, neighbors: int) -> Tensor:
         neighbors: k, the point itself not counted.
     """
     if min(neighbors, len(points) - 1) < 1:
-        return torch.zeros(len(points), dtype=torch.bool, device=points.device)
+        return torch.zeros(len(points), dtype=torch.bool)
     distance, _ = nearest_other_points(points, neighbors)
     spread = distance.square().mean(1)
     return spread > spread.mean() + _SIGMA * spread.std(correction=0)
@@ -46,10 +46,8 @@ def nearest_other_points(points: Tensor, count: int) -> tuple[Tensor, Tensor]:
         distance: (M, k) float64, ascending.
         index: (M, k) int64 rows of ``points``.
     """
-    cloud = points.detach().cpu().double().numpy()
+    cloud = points.detach().double().numpy()
     tree = cKDTree(cloud, balanced_tree=False, compact_nodes=False)
     # The first neighbour is the point itself.
     distance, index = tree.query(cloud, k=min(count, len(cloud) - 1) + 1, workers=-1)
-    return torch.from_numpy(distance[:, 1:]).to(points.device), torch.from_numpy(index[:, 1:]).to(
-        points.device
-    )
+    return torch.from_numpy(distance[:, 1:]), torch.from_numpy(index[:, 1:])

@@ -108,7 +108,7 @@ class ReleasePlacement(PaperPlacement):
         """Return means of the unit normals of adjacent faces, the released keypoint weights, and
         the union of all masks: a person hidden behind another counts as visible.
         """
-        masks = state.masks.to(state.keypoints.device)
+        masks = state.masks
         weight = released_keypoint_weights(
             state.skeleton, state.keypoints, state.keypoint_confidence, masks
         )

@@ -314,7 +314,7 @@ class SkinContactTerm(Term):
         own, other = skin.view(-1, 2, _PAIRS, 3).unbind(1)
         gap = torch.relu((own - other).norm(dim=-1) - _LEAST_GAP_M)
         half = (self._weights * gap.square().mean(1)).repeat_interleave(2) / 2
-        links = self.links.flatten().to(half.device)
+        links = self.links.flatten()
         return {"meeting": half.new_zeros(people).index_add(0, links, half)}
 
 

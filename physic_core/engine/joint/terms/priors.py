@@ -172,7 +172,7 @@ def hinge_angles(rotations: Tensor) -> Tensor:
     0 is straight. Knees bend about x, elbows about y (the left one in the opposite direction).
     Twist about the limb's own axis is ignored.
     """
-    entries = torch.tensor(_HINGE_SINES + _HINGE_COSINES, device=rotations.device)
+    entries = torch.tensor(_HINGE_SINES + _HINGE_COSINES)
     sine, cosine = torch.split(rotations.flatten(1).index_select(1, entries), 4, dim=1)
     return torch.atan2(sine * sine.new_tensor(_HINGE_SIGNS), cosine)
 

@@ -56,7 +56,7 @@ def published_normal_outliers(points: Tensor, normals: Tensor, neighbors: int) -
         neighbors: k, the point itself not counted.
     """
     if min(neighbors, len(points) - 1) < 1:
-        return torch.zeros(len(points), dtype=torch.bool, device=points.device)
+        return torch.zeros(len(points), dtype=torch.bool)
     _, index = nearest_other_points(points, neighbors)
     mean = torch.zeros_like(normals)
     for column in index.T:
@@ -84,7 +84,7 @@ def published_floor_grid(normal: Tensor, offset: float, points: Tensor, count: i
     for axis in (0, 2):
         ordered = points[:, axis].sort().values
         low, high = (float(ordered[int(share * len(ordered))]) for share in (0.02, 0.98))
-        lines.append(torch.linspace(low, high, count, dtype=torch.float64, device=points.device))
+        lines.append(torch.linspace(low, high, count, dtype=torch.float64))
     x, z = torch.cartesian_prod(*lines).unbind(-1)
     a, b, c = normal.double().tolist()
     return torch.stack([x, -(a * x + c * z + offset) / b, z], -1).to(points)

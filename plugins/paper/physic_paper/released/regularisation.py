@@ -30,9 +30,7 @@ def unrotated_vertices(
         betas: (B, K).
         expression: (B, E).
     """
-    root = torch.eye(3, dtype=rotations.dtype, device=rotations.device).expand(
-        len(rotations), 1, 3, 3
-    )
+    root = torch.eye(3, dtype=rotations.dtype).expand(len(rotations), 1, 3, 3)
     posed = pose(
         torch.cat([root, rotations[:, 1:]], 1), betas, betas.new_zeros(len(betas), 3), expression
     )

@@ -52,7 +52,7 @@ def released_keypoint_weights(
         if hand:
             sure = weight[:, hand].mean(1, keepdim=True) >= _LEAST_HAND_CONFIDENCE
             weight[:, hand] = weight[:, hand] * sure
-    body = torch.tensor([_is_body_or_foot(name) for name in names], device=points.device)
+    body = torch.tensor([_is_body_or_foot(name) for name in names])
     height, width = masks.shape[-2:]
     reach = round(_MASK_GROWTH_PX * max(1.0, max(height, width) / _LONGEST_SIDE_PX))
     is_near = is_near_mask(torch.nan_to_num(points), masks.any(0), reach)

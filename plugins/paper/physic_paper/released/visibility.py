@@ -66,7 +66,7 @@ def part_shares_without_self_occlusion(
         (P,) float64; 1 for a part without vertices.
     """
     points, triangles, part = (
-        t.detach().cpu().numpy() for t in (vertices.double(), faces, part_of_vertex)
+        t.detach().numpy() for t in (vertices.double(), faces, part_of_vertex)
     )
     # Scaled and normalised as trimesh does in the released code: which rays miss depends on the
     # rounding.
@@ -105,13 +105,13 @@ def update_released_visibility(
     else:
         in_mask = last.in_mask
         facing = last.facing
-    parts = torch.tensor(limb_part_indices(model.part_names), device=ids.device)
+    parts = torch.tensor(limb_part_indices(model.part_names))
     hidden_limbs = torch.zeros_like(in_mask)
     for i, vertices in enumerate(bodies.vertices):
         shares = part_shares_without_self_occlusion(
             vertices, model.faces, model.part_of_vertex, parts.tolist()
         )
-        hidden = parts[(shares < 1 - HIDDEN_LIMB_SHARE).to(parts.device)]
+        hidden = parts[shares < 1 - HIDDEN_LIMB_SHARE]
         hidden_limbs[i] = torch.isin(model.part_of_vertex[ids], hidden)
     return replace(
         now,

@@ -72,7 +72,7 @@ class HumanPoints(ShortRepr):
                 "the photo are there: give one, or set engine.joint.depth.weight = 0"
             )
         clouds = tuple(c[torch.isfinite(c).all(-1)] for c in points)
-        return cls(clouds, tuple(cKDTree(c.cpu().double().numpy()) for c in clouds))
+        return cls(clouds, tuple(cKDTree(c.double().numpy()) for c in clouds))
 
     def __call__(self, vertices: Tensor, facing: Tensor, log_scale: Tensor) -> Tensor:
         """Return Eq. 4 for each person. The points scale with the scene, without a gradient to its
@@ -99,15 +99,14 @@ class HumanPoints(ShortRepr):
         points = self.points[i] * scale
         if not len(points) or not len(vertices):
             return vertices.sum() * 0.0
-        now = vertices.detach().cpu().double().numpy()
+        now = vertices.detach().double().numpy()
         _, nearest_point = self.trees[i].query(now / scale)
-        _, nearest_vertex = cKDTree(now, balanced_tree=False).query(points.cpu().double().numpy())
-        device = vertices.device
+        _, nearest_vertex = cKDTree(now, balanced_tree=False).query(points.double().numpy())
         return chamfer_energy(
             vertices,
             points,
-            torch.from_numpy(nearest_point).to(device),
-            torch.from_numpy(nearest_vertex).to(device),
+            torch.from_numpy(nearest_point),
+            torch.from_numpy(nearest_vertex),
         )
 
 

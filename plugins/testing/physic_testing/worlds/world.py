@@ -242,7 +242,7 @@ def _posed(
         for value in (parameters.betas, parameters.transl, parameters.expression)
     ]
     with torch.inference_mode():
-        body = model(rotations_from_parameters(parameters, "cpu", torch.float64), *shape)
+        body = model(rotations_from_parameters(parameters, torch.float64), *shape)
         vertices = body.vertices.numpy()
         joints = body.joints.numpy()
     return vertices + _STEP_M * file["vertex_offset"], joints + _STEP_M * file["joint_offset"]
