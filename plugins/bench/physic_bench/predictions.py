@@ -19,12 +19,8 @@ from physic_bench.types import TOPOLOGY_OF_COUNT, BenchPerson, Prediction
 from physic_core.body import JOINT_NAMES
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_bench.types import Frame
     from physic_core.types import Person, Reconstruction
-
-    Array = NDArray[np.float64]
 
 
 LAYOUTS = {

@@ -25,7 +25,6 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import click
-import numpy as np
 
 from physic_bench.cameras import Camera
 from physic_bench.data_files import (
@@ -47,11 +46,7 @@ from physic_core.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
     from physic_bench.bodies import BodyFiles
-
-    Array = NDArray[np.float64]
 
 
 def missing(root: Path, with_pictures: bool, split: str) -> list[str]:
