@@ -7,7 +7,7 @@ relative scene. The typical height in metres is known, and their ratio is the sc
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -40,7 +40,7 @@ class Stature(MetricDepth):
     """
 
     written_for = 1
-    Options: ClassVar[type[Options]] = StatureOptions
+    Options = StatureOptions
     options: StatureOptions
 
     def infer(self, image: NDArray[np.uint8], hints: Hints) -> DepthMap:

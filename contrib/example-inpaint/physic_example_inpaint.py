@@ -4,7 +4,7 @@ pyramid until none is unknown, then fill the unknown pixels from the coarser lev
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -35,7 +35,7 @@ class PullPush(Inpainter):
     """Inpainter by pull-push: image pyramids of the image and of the known share of each pixel."""
 
     written_for = 1
-    Options: ClassVar[type[Options]] = PullPushOptions
+    Options = PullPushOptions
     options: PullPushOptions
 
     def infer(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -78,7 +78,7 @@ class OmniEraser(TorchBackend, Inpainter):
     """
 
     written_for = 1
-    Options: ClassVar[type[Options]] = OmniEraserOptions
+    Options = OmniEraserOptions
     options: OmniEraserOptions
 
     def __init__(self, options: OmniEraserOptions | None = None) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -51,7 +51,7 @@ class StaticContact(ContactPrior):
     """
 
     written_for = 1
-    Options: ClassVar[type[Options]] = StaticContactOptions
+    Options = StaticContactOptions
     options: StaticContactOptions
 
     _model: BodyModel | None = None

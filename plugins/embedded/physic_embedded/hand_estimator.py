@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -47,7 +47,7 @@ class EmbeddedHands(PackagedBackend, HandEstimator):
 
     written_for = 1
     weights_license = "Apache-2.0 (MediaPipe Hands)"
-    Options: ClassVar[type[Options]] = EmbeddedHandsOptions
+    Options = EmbeddedHandsOptions
     options: EmbeddedHandsOptions
     networks = ("palm_detection_full", "hand_landmark_full")
 

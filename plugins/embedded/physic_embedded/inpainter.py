@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -38,7 +38,7 @@ class MiGan(PackagedBackend, Inpainter):
 
     written_for = 1
     weights_license = "MIT (MI-GAN)"
-    Options: ClassVar[type[Options]] = MiGanOptions
+    Options = MiGanOptions
     options: MiGanOptions
 
     networks = ("migan_512_places2",)

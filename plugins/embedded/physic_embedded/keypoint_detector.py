@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -51,7 +51,7 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
 
     written_for = 1
     weights_license = "Apache-2.0 (MediaPipe BlazePose)"
-    Options: ClassVar[type[Options]] = EmbeddedKeypointsOptions
+    Options = EmbeddedKeypointsOptions
     options: EmbeddedKeypointsOptions
 
     networks = ("pose_detection", "pose_landmark_heavy")

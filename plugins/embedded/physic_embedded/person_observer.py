@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import BaseModel, Field
@@ -142,7 +142,7 @@ class EmbeddedPersonObserver(PackagedBackend, PersonObserver):
 
     written_for = 1
     weights_license = "Apache-2.0 (Depth Anything V2 Small, DINOv2, MediaPipe Face Mesh)"
-    Options: ClassVar[type[Options]] = EmbeddedPersonObserverOptions
+    Options = EmbeddedPersonObserverOptions
     options: EmbeddedPersonObserverOptions
 
     networks = (_DEPTH, _FACE)

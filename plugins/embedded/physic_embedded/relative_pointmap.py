@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -131,7 +131,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
 
     written_for = 1
     weights_license = "Apache-2.0 (Depth Anything V2 Small, DINOv2, M-LSD)"
-    Options: ClassVar[type[Options]] = EmbeddedPointmapOptions
+    Options = EmbeddedPointmapOptions
     options: EmbeddedPointmapOptions
 
     networks = (_DEPTH,)

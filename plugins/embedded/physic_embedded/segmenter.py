@@ -90,7 +90,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
 
     written_for = 1
     weights_license = "Apache-2.0 (YOLOX, MediaPipe BlazePose, MobileSAM, DeepLabv3), MIT (TinyViT)"
-    Options: ClassVar[type[Options]] = EmbeddedSegmenterOptions
+    Options = EmbeddedSegmenterOptions
     options: EmbeddedSegmenterOptions
     takes_prompt: ClassVar[bool] = True
     networks = NETWORKS

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from physic_core.cache import cached_network_result
 from physic_core.errors import BackendError
-from physic_core.interfaces import MetricDepth, Options, RelativePointmap
+from physic_core.interfaces import MetricDepth, RelativePointmap
 from physic_core.types import CameraTrust, DepthMap, Intrinsics, Pointmap
 from physic_networks.affine_pointmap import half_diagonal, points_on_rays, recover_camera
 from physic_networks.networks import WEIGHTS_HELP
@@ -52,7 +52,7 @@ class MogeOptions(OnnxOptions):
 class _MogeBackend(OnnxBackend):
     """Base class of both MoGe-2 backends."""
 
-    Options: ClassVar[type[Options]] = MogeOptions
+    Options = MogeOptions
     options: MogeOptions
     reads = ("intrinsics",)
     capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})

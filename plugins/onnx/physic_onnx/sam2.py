@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
 
 from physic_core import find_backend, load_backend
 from physic_core.errors import BackendNotFoundError
-from physic_core.interfaces import Options, Segmenter
+from physic_core.interfaces import Segmenter
 from physic_networks.networks import WEIGHTS_HELP, NetworkBackend
 
 from .sessions import OnnxOptions
@@ -37,7 +37,7 @@ class Sam2(NetworkBackend, Segmenter):
     """
 
     written_for = 1
-    Options: ClassVar[type[Options]] = Sam2Options
+    Options = Sam2Options
     options: Sam2Options
 
     def build(self, device: str) -> tuple[Sam2Networks, Any]:

@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError
-from physic_core.interfaces import BodyEstimator, Options
+from physic_core.interfaces import BodyEstimator
 from physic_human.user_smpl import (
     SmplCheckoutBackend,
     SmplCheckoutOptions,
@@ -137,7 +137,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
     """Body estimator: SMPL bodies by CameraHMR with joints and mesh, in the given camera."""
 
     written_for = 1
-    Options: ClassVar[type[Options]] = CameraHmrOptions
+    Options = CameraHmrOptions
     options: CameraHmrOptions
     reads = ("people", "intrinsics", "keypoints")
     project: ClassVar[Checkout] = Checkout(

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError
-from physic_core.interfaces import ContactPrior, Options
+from physic_core.interfaces import ContactPrior
 from physic_core.types import ContactProbability
 from physic_human.user_smpl import SmplCheckoutBackend, SmplCheckoutOptions, open_smpl
 from physic_networks.checkouts import Checkout
@@ -89,7 +89,7 @@ class Deco(SmplCheckoutBackend, ContactPrior):
     """Contact prior by DECO: contact with any object, threshold 0.5."""
 
     written_for = 1
-    Options: ClassVar[type[Options]] = DecoOptions
+    Options = DecoOptions
     options: DecoOptions
     reads = ("people",)
     project: ClassVar[Checkout] = Checkout(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -31,7 +31,7 @@ class Lama(TorchBackend, Inpainter):
     """LaMa inpainter. It fills only the mask: shadows and mirror images of removed people stay."""
 
     written_for = 1
-    Options: ClassVar[type[Options]] = LamaOptions
+    Options = LamaOptions
     options: LamaOptions
 
     def build(self, device: str) -> Any:

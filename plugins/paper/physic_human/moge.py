@@ -22,7 +22,6 @@ from physic_core.cache import cached_network_result
 from physic_core.errors import BackendError
 from physic_core.interfaces import (
     MetricDepth,
-    Options,
     RelativePointmap,
 )
 from physic_core.types import DepthMap, Pointmap
@@ -130,7 +129,7 @@ class Moge1(_MogeBackend, RelativePointmap):
 
     written_for = 1
     title = "MoGe"
-    Options: ClassVar[type[Options]] = Moge1Options
+    Options = Moge1Options
     options: Moge1Options
     project: ClassVar[Checkout] = Checkout(
         name="MoGe",
@@ -166,7 +165,7 @@ class _Moge3Backend(_MogeBackend):
     """Base class of both MoGe-3 backends, which run without its refiner."""
 
     title = "MoGe-3"
-    Options: ClassVar[type[Options]] = Moge3Options
+    Options = Moge3Options
     options: Moge3Options
     # A photo of 1280 x 960 px. Its weights stay in float32 in each precision.
     gpu_gigabytes = MappingProxyType({"float32": 3.5, "float16": 3.5, "bfloat16": 3.5})

@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.interfaces import BodyEstimator, Options, Requirement
+from physic_core.interfaces import BodyEstimator, Requirement
 from physic_core.types import Bodies, Mesh
 from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, checkpoint_error
 from physic_networks.bodies import (
@@ -116,7 +116,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
     """
 
     written_for = 1
-    Options: ClassVar[type[Options]] = Sam3dBodyOptions
+    Options = Sam3dBodyOptions
     options: Sam3dBodyOptions
     reads = ("people", "intrinsics", "keypoints")
     capabilities: ClassVar[frozenset[str]] = frozenset({"needs_cuda"})

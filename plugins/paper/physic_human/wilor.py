@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError
-from physic_core.interfaces import HandEstimator, Options, Share
+from physic_core.interfaces import HandEstimator, Share
 from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions
 from physic_human.hands import chumpy_free_copy, empty_hands, hands_from_mano, visible_hand_boxes
 from physic_networks.checkouts import Checkout
@@ -51,7 +51,7 @@ class Wilor(CheckoutBackend, HandEstimator):
     """
 
     written_for = 1
-    Options: ClassVar[type[Options]] = WilorOptions
+    Options = WilorOptions
     options: WilorOptions
     project: ClassVar[Checkout] = Checkout(
         name="WiLoR-mini",

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError, DeviceError
-from physic_core.interfaces import MetricDepth, Options
+from physic_core.interfaces import MetricDepth
 from physic_core.types import DepthMap, Intrinsics
 from physic_networks.canonical_depth import (
     depth_from_canonical_inverse,
@@ -59,7 +59,7 @@ class DepthPro(PretrainedBackend, MetricDepth):
     """Metric depth and camera by DepthPro. On a CPU it takes minutes and about 18 GB of memory."""
 
     written_for = 1
-    Options: ClassVar[type[Options]] = DepthProOptions
+    Options = DepthProOptions
     options: DepthProOptions
     reads = ("intrinsics",)
     capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.interfaces import Options, Segmenter, Share
+from physic_core.interfaces import Segmenter, Share
 from physic_networks.networks import WEIGHTS_HELP, picture_tensor, to_numpy
 from physic_networks.people import clip_boxes, sigmoid, xyxy_from_cxcywh
 from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, resize_image
@@ -81,7 +81,7 @@ class GroundedSam2(PretrainedBackend, Segmenter):
     """
 
     written_for = 1
-    Options: ClassVar[type[Options]] = GroundedSam2Options
+    Options = GroundedSam2Options
     options: GroundedSam2Options
     gpu_gigabytes = MappingProxyType({"float32": 3.6, "float16": 1.8, "bfloat16": 1.8})
     takes_prompt: ClassVar[bool] = True

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.interfaces import Options, Segmenter, Share
+from physic_core.interfaces import Segmenter, Share
 from physic_networks.networks import WEIGHTS_HELP, picture_tensor, to_numpy
 from physic_networks.people import clip_boxes, sigmoid
 from physic_networks.pictures import resize_image, resize_map
@@ -54,7 +54,7 @@ class Sam3(PretrainedBackend, Segmenter):
     """
 
     written_for = 1
-    Options: ClassVar[type[Options]] = Sam3Options
+    Options = Sam3Options
     options: Sam3Options
     gpu_gigabytes = MappingProxyType({"float32": 4.7, "float16": 2.5, "bfloat16": 2.5})
     # The published repository holds the model for videos, of which this is a spec.

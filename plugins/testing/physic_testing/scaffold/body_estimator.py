@@ -28,7 +28,7 @@ class Template(BodyEstimator):
     """Places the embedded body in rest pose at each person's box."""
 
     written_for = 1
-    Options: ClassVar[type[Options]] = TemplateOptions
+    Options = TemplateOptions
     options: TemplateOptions
     # remove it once infer() looks at the image
     capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)

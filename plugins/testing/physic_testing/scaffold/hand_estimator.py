@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -26,7 +26,7 @@ class Template(HandEstimator):
     """Returns confidence 0 for all hands, so that fingers stay in rest pose."""
 
     written_for = 1
-    Options: ClassVar[type[Options]] = TemplateOptions
+    Options = TemplateOptions
     options: TemplateOptions
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:

@@ -34,7 +34,7 @@ class Template(KeypointDetector):
     """Places the joints of a standing person on the vertical centre line of each box."""
 
     written_for = 1
-    Options: ClassVar[type[Options]] = TemplateOptions
+    Options = TemplateOptions
     options: TemplateOptions
     # remove it once infer() looks at the image
     capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)

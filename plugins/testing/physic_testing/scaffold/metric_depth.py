@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -27,7 +27,7 @@ class Template(MetricDepth):
     """Scales the relative point map to the distance of the estimated bodies."""
 
     written_for = 1
-    Options: ClassVar[type[Options]] = TemplateOptions
+    Options = TemplateOptions
     options: TemplateOptions
 
     def load(self, device: str = "cpu") -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from pydantic import Field
 
@@ -26,7 +26,7 @@ class Template(PersonObserver):
     """Returns for all feet the share that touches, which is no evidence, and nothing else."""
 
     written_for = 1
-    Options: ClassVar[type[Options]] = TemplateOptions
+    Options = TemplateOptions
     options: TemplateOptions
 
     def infer(

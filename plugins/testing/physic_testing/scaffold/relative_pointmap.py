@@ -26,7 +26,7 @@ class Template(RelativePointmap):
     """Returns a level floor one unit below the camera, and a wall, for every photo."""
 
     written_for = 1
-    Options: ClassVar[type[Options]] = TemplateOptions
+    Options = TemplateOptions
     options: TemplateOptions
     # remove it once infer() looks at the image
     capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)
