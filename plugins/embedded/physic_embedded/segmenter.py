@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import compress
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import Field
@@ -92,7 +92,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
     weights_license = "Apache-2.0 (YOLOX, MediaPipe BlazePose, MobileSAM, DeepLabv3), MIT (TinyViT)"
     Options = EmbeddedSegmenterOptions
     options: EmbeddedSegmenterOptions
-    takes_prompt: ClassVar[bool] = True
+    takes_prompt = True
     networks = NETWORKS
 
     def infer(self, image: UInt8Array, prompt: PeoplePrompt | None = None) -> People:

@@ -8,7 +8,7 @@ with 0 for infinity, and returns it for the sky.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -44,7 +44,7 @@ class DepthAnything(OnnxBackend, RelativePointmap):
     """Relative point map by Depth Anything V2, up to scale and shift of inverse depth."""
 
     written_for = 1
-    Options: ClassVar[type[OnnxOptions]] = DepthAnythingOptions
+    Options = DepthAnythingOptions
     options: DepthAnythingOptions
     reads = ("intrinsics",)
 

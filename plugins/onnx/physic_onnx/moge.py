@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -55,7 +55,7 @@ class _MogeBackend(OnnxBackend):
     Options = MogeOptions
     options: MogeOptions
     reads = ("intrinsics",)
-    capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
+    capabilities = frozenset({"returns_intrinsics"})
 
     def _outputs(self, image: UInt8Array) -> tuple[AnyArray, ...]:
         """Return points (h, w, 3), up to a scale and a shift along z, confidence (h, w) of a

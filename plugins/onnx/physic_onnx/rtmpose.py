@@ -7,7 +7,7 @@ trains them on RGB, and its own deployment feeds RGB, though rtmlib feeds BGR.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -63,7 +63,7 @@ class RtmPose(TopDownBackend):
     """
 
     written_for = 1
-    Options: ClassVar[type[OnnxOptions]] = RtmPoseOptions
+    Options = RtmPoseOptions
     options: RtmPoseOptions
     crop_size = (384, 288)
 
@@ -108,7 +108,7 @@ class Rtmw3d(RtmPose):
     :data:`POINT_SIGMA` and :data:`DEPTH_SIGMA_M`.
     """
 
-    Options: ClassVar[type[OnnxOptions]] = Rtmw3dOptions
+    Options = Rtmw3dOptions
     options: Rtmw3dOptions
 
     def complete(

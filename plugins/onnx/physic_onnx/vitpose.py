@@ -6,7 +6,7 @@ It was trained with MMPose's plain affine; with unbiased data processing, as for
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from pydantic import Field
 
@@ -33,7 +33,7 @@ class VitPose(TopDownBackend):
     """
 
     written_for = 1
-    Options: ClassVar[type[OnnxOptions]] = VitPoseOptions
+    Options = VitPoseOptions
     options: VitPoseOptions
     crop_size = (256, 192)
 

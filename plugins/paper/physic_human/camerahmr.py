@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -140,7 +140,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
     Options = CameraHmrOptions
     options: CameraHmrOptions
     reads = ("people", "intrinsics", "keypoints")
-    project: ClassVar[Checkout] = Checkout(
+    project = Checkout(
         name="CameraHMR",
         package="core.camerahmr_model",
         homepage="https://github.com/pixelite1201/CameraHMR",

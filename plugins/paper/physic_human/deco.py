@@ -6,7 +6,7 @@ standard deviation of ImageNet keep their RGB order.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -92,7 +92,7 @@ class Deco(SmplCheckoutBackend, ContactPrior):
     Options = DecoOptions
     options: DecoOptions
     reads = ("people",)
-    project: ClassVar[Checkout] = Checkout(
+    project = Checkout(
         name="DECO",
         package="models.deco",
         homepage="https://github.com/sha2nkt/deco",

@@ -60,7 +60,7 @@ class _MogeBackend(CheckoutBackend):
 
     title: ClassVar[str]
     reads = ("intrinsics",)
-    capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
+    capabilities = frozenset({"returns_intrinsics"})
 
     def preprocess(self, image: UInt8Array, hints: Hints) -> UInt8Array:
         """Return the image (H, W, 3)."""
@@ -131,7 +131,7 @@ class Moge1(_MogeBackend, RelativePointmap):
     title = "MoGe"
     Options = Moge1Options
     options: Moge1Options
-    project: ClassVar[Checkout] = Checkout(
+    project = Checkout(
         name="MoGe",
         package="moge.model.v1",
         homepage="https://github.com/microsoft/MoGe",
@@ -169,7 +169,7 @@ class _Moge3Backend(_MogeBackend):
     options: Moge3Options
     # A photo of 1280 x 960 px. Its weights stay in float32 in each precision.
     gpu_gigabytes = MappingProxyType({"float32": 3.5, "float16": 3.5, "bfloat16": 3.5})
-    project: ClassVar[Checkout] = Checkout(
+    project = Checkout(
         name="MoGe-3",
         package="moge.model.v3",
         homepage="https://github.com/microsoft/MoGe",

@@ -13,7 +13,7 @@ import re
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -119,8 +119,8 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
     Options = Sam3dBodyOptions
     options: Sam3dBodyOptions
     reads = ("people", "intrinsics", "keypoints")
-    capabilities: ClassVar[frozenset[str]] = frozenset({"needs_cuda"})
-    project: ClassVar[Checkout] = Checkout(
+    capabilities = frozenset({"needs_cuda"})
+    project = Checkout(
         name="SAM 3D Body",
         package="sam_3d_body",
         homepage="https://github.com/facebookresearch/sam-3d-body",

@@ -7,7 +7,7 @@ the hand detector (AGPL) nor its downloads are needed.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -53,7 +53,7 @@ class Wilor(CheckoutBackend, HandEstimator):
     written_for = 1
     Options = WilorOptions
     options: WilorOptions
-    project: ClassVar[Checkout] = Checkout(
+    project = Checkout(
         name="WiLoR-mini",
         package="wilor_mini.models.wilor",
         homepage="https://github.com/warmshao/WiLoR-mini",

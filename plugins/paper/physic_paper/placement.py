@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -15,7 +15,7 @@ from physic_core.engine.placement.terms import (
     PlacementProblem,
     term_energy,
 )
-from physic_core.geometry import AlignmentOptions, project
+from physic_core.geometry import project
 from physic_core.types import NotNegative, PointCount, PositiveOrInfinite, Share
 from physic_paper.outliers import image_outliers
 from physic_paper.released.reprojection import released_keypoint_weights, released_reprojection
@@ -47,10 +47,10 @@ class PaperPlacement(PlacementStageMethod):
     """Not used."""
     stance: bool = False
 
-    alignment: ClassVar[AlignmentOptions] = released_alignment_options(POINTMAP_TOLERANCE)
-    mask_growth: ClassVar[float] = 0.0
-    weighs_background: ClassVar[bool] = False
-    uses_sums: ClassVar[bool] = True
+    alignment = released_alignment_options(POINTMAP_TOLERANCE)
+    mask_growth = 0.0
+    weighs_background = False
+    uses_sums = True
 
     def clean_points(
         self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]

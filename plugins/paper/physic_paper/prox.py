@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar
 
 from torch import Tensor
 
@@ -62,7 +61,7 @@ class ProxJointStage(PublishedJointStage):
     first steps.
     """
 
-    samples_floor: ClassVar[bool] = False
+    samples_floor = False
 
     frozen: FrozenGroups = ("scale", "offset")
     """Parameter groups that are kept constant: root, pose, hands, betas, translation, scale."""

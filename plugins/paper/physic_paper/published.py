@@ -6,7 +6,6 @@ Each rotation is the first two columns of its matrix, as in the paper's gradient
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -72,8 +71,8 @@ class PublishedJointStage(JointStageMethod):
     evaluation, among all points of the scene and samples of the floor.
     """
 
-    finds_nearest_every_step: ClassVar[bool] = True
-    samples_floor: ClassVar[bool] = True
+    finds_nearest_every_step = True
+    samples_floor = True
     """Whether samples of the floor are among the points of the scene; otherwise there is none."""
 
     def prepare(self, state: State) -> State:

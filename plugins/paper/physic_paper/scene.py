@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Literal
 
 import torch
 from torch import Tensor
@@ -48,8 +48,8 @@ class PaperScene(SceneStageMethod):
     """
     carve_m: NotNegative = 0.0
 
-    alignment: ClassVar[AlignmentOptions] = released_alignment_options(METRIC_DEPTH_TOLERANCE)
-    rescales_depth: ClassVar[bool] = False
+    alignment = released_alignment_options(METRIC_DEPTH_TOLERANCE)
+    rescales_depth = False
 
     def share_camera(
         self, points: Tensor, depth: Tensor, cameras: Cameras
@@ -112,8 +112,8 @@ class ProxScene(SceneStageMethod):
     floor: Literal["disparity", "off"] = "off"
     carve_m: NotNegative = 0.0
 
-    uses_pointmap: ClassVar[bool] = False
-    rescales_depth: ClassVar[bool] = False
+    uses_pointmap = False
+    rescales_depth = False
 
     def pixel_surface(self, points: Tensor, known: Tensor) -> PixelSurface:
         """Return normals over depth edges; nothing is removed."""

@@ -6,7 +6,7 @@ The class in transformers returns inverse depth and a field of view.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -62,10 +62,8 @@ class DepthPro(PretrainedBackend, MetricDepth):
     Options = DepthProOptions
     options: DepthProOptions
     reads = ("intrinsics",)
-    capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
-    specs: ClassVar[tuple[ModelSpec, ...]] = (
-        ModelSpec("weights", "DepthProForDepthEstimation", ("depth_pro",)),
-    )
+    capabilities = frozenset({"returns_intrinsics"})
+    specs = (ModelSpec("weights", "DepthProForDepthEstimation", ("depth_pro",)),)
 
     def load(self, device: str = "cpu") -> None:
         """Read the weights.

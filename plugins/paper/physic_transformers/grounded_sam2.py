@@ -8,7 +8,7 @@ The defaults are those of PhySIC's release: its prompts, thresholds and models.
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -84,8 +84,8 @@ class GroundedSam2(PretrainedBackend, Segmenter):
     Options = GroundedSam2Options
     options: GroundedSam2Options
     gpu_gigabytes = MappingProxyType({"float32": 3.6, "float16": 1.8, "bfloat16": 1.8})
-    takes_prompt: ClassVar[bool] = True
-    specs: ClassVar[tuple[ModelSpec, ...]] = (
+    takes_prompt = True
+    specs = (
         ModelSpec(
             "detector",
             "GroundingDinoForObjectDetection",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -58,9 +58,7 @@ class Sam3(PretrainedBackend, Segmenter):
     options: Sam3Options
     gpu_gigabytes = MappingProxyType({"float32": 4.7, "float16": 2.5, "bfloat16": 2.5})
     # The published repository holds the model for videos, of which this is a spec.
-    specs: ClassVar[tuple[ModelSpec, ...]] = (
-        ModelSpec("weights", "Sam3Model", ("sam3", "sam3_video"), needs_tokenizer=True),
-    )
+    specs = (ModelSpec("weights", "Sam3Model", ("sam3", "sam3_video"), needs_tokenizer=True),)
 
     def infer(self, image: UInt8Array) -> People:
         """Segment the people of an image (H, W, 3), best score first, and the floor.

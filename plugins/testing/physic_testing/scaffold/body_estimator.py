@@ -4,7 +4,7 @@ height.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -31,7 +31,7 @@ class Template(BodyEstimator):
     Options = TemplateOptions
     options: TemplateOptions
     # remove it once infer() looks at the image
-    capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)
+    capabilities = ("ignores_image",)
 
     def infer(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -37,7 +37,7 @@ class Template(KeypointDetector):
     Options = TemplateOptions
     options: TemplateOptions
     # remove it once infer() looks at the image
-    capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)
+    capabilities = ("ignores_image",)
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Image (H, W, 3) and N people -> points (N, 17, 2) in px of the photo, row i for person

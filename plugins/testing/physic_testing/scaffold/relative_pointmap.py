@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -29,7 +29,7 @@ class Template(RelativePointmap):
     Options = TemplateOptions
     options: TemplateOptions
     # remove it once infer() looks at the image
-    capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)
+    capabilities = ("ignores_image",)
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Image (H, W, 3) -> points (H, W, 3): x right, y down, z forward, up to a scale."""
