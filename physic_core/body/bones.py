@@ -114,8 +114,7 @@ _Real = TypeVar("_Real", bound=np.floating[Any])
 def matmul(a: NDArray[_Real], b: NDArray[_Real]) -> NDArray[_Real]:
     """Return ``a @ b`` for arrays of the same float type."""
     left, right = (torch.from_numpy(np.require(array, requirements="W")) for array in (a, b))
-    product: NDArray[_Real] = torch.matmul(left, right).numpy()
-    return product
+    return torch.matmul(left, right).numpy()
 
 
 def cholesky_solve(normal: Float64Array, rhs: Float64Array) -> Float64Array:
@@ -123,10 +122,7 @@ def cholesky_solve(normal: Float64Array, rhs: Float64Array) -> Float64Array:
     (B, M).
     """
     factor = torch.linalg.cholesky(torch.from_numpy(normal))
-    solution: Float64Array = torch.cholesky_solve(torch.from_numpy(rhs)[..., None], factor)[
-        ..., 0
-    ].numpy()
-    return solution
+    return torch.cholesky_solve(torch.from_numpy(rhs)[..., None], factor)[..., 0].numpy()
 
 
 def _ancestor_matrix() -> Float64Array:
@@ -177,8 +173,7 @@ class BoneOffsets:
 
     def rest(self, betas: Float64Array) -> Float64Array:
         """Return the T-pose joints (B, 55, 3) for betas (B, K)."""
-        joints: Float64Array = ANCESTOR_MATRIX @ self.for_betas(betas)
-        return joints
+        return ANCESTOR_MATRIX @ self.for_betas(betas)
 
     def pose(self, world: Float64Array, betas: Float64Array, transl: Float64Array) -> Float64Array:
         """Return the posed joints (B, 55, 3), metres, for world rotations (B, 55, 3, 3) relative to
@@ -186,8 +181,7 @@ class BoneOffsets:
         """
         carried = self.for_betas(betas)
         carried[:, 1:] = (world[:, _UP[1:]] @ carried[:, 1:, :, None])[..., 0]
-        joints: Float64Array = ANCESTOR_MATRIX @ carried + transl[:, None]
-        return joints
+        return ANCESTOR_MATRIX @ carried + transl[:, None]
 
     def shape_jacobian(self, world: Float64Array) -> Float64Array:
         """Return the derivative (B, 55, 3, K) of the posed joints with respect to the betas."""

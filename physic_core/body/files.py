@@ -332,8 +332,7 @@ class SmplBody:
         shaped = shaped + (bent @ self.posedirs.reshape(-1, bent.shape[1]).T).reshape(shaped.shape)
         turns = (self.weights @ world.reshape(len(world), -1, 9)).reshape(*shaped.shape, 3)
         shifts = self.weights @ (joints - (world @ rest[..., None])[..., 0])
-        posed: Float64Array = (turns @ shaped[..., None])[..., 0] + shifts + transl[:, None]
-        return posed
+        return (turns @ shaped[..., None])[..., 0] + shifts + transl[:, None]
 
     def _shaped(self, betas: Float64Array) -> Float64Array:
         """Return unposed vertices (N, 6890, 3) for betas (N, 10)."""

@@ -22,7 +22,7 @@ def linear_from_srgb(colors: UInt8Array) -> Float64Array:
     """Return linear colours in 0-1 of sRGB 0-255, as glTF and USD state colours of vertices."""
     share = np.arange(256) / 255
     table = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    return np.asarray(table[colors])
+    return table[colors]
 
 
 def lab_from_srgb(colors: UInt8Array) -> Float32Array:

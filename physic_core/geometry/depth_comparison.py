@@ -288,7 +288,7 @@ def _ray_lengths(camera: Intrinsics) -> FloatArray:
     """Return the length (H, W) of each pixel's ray up to z = 1."""
     x = (np.arange(camera.width) - camera.cx) / camera.fx
     y = (np.arange(camera.height) - camera.cy) / camera.fy
-    return np.asarray(np.sqrt(1 + x**2 + y[:, None] ** 2))
+    return np.sqrt(1 + x**2 + y[:, None] ** 2)
 
 
 def _downsampled(values: Any) -> Any:

@@ -161,8 +161,7 @@ def _block_mean(x: Tensor, block: int) -> Tensor:
     """Return the mean of x (H, W) over block x block pixels; blocks at the border may be
     smaller.
     """
-    blocks: Tensor = torch.nn.functional.avg_pool2d(x[None, None], block, ceil_mode=True)[0, 0]
-    return blocks
+    return torch.nn.functional.avg_pool2d(x[None, None], block, ceil_mode=True)[0, 0]
 
 
 def fit_plane(

@@ -137,10 +137,7 @@ class RayCaster:
         """Compute hit distances in float64, except along faces and at tiny faces."""
         # Along a face, and past a tiny one, Embree is more exact than the plane.
         exact = self.plane_distance(face, start, direction)
-        close: Float64Array = np.where(
-            np.abs(exact - coarse) <= 1e-3 * (1e-2 + np.abs(coarse)), exact, coarse
-        )
-        return close
+        return np.where(np.abs(exact - coarse) <= 1e-3 * (1e-2 + np.abs(coarse)), exact, coarse)
 
 
 def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Float64Array, Float64Array]:

@@ -29,8 +29,7 @@ def unit(vectors: Float64Array) -> Float64Array:
 
 def rotate(rotations: Float64Array, vectors: Float64Array) -> Float64Array:
     """Apply rotations (..., 3, 3) to vectors (..., 3)."""
-    product: Float64Array = (rotations @ vectors[..., None])[..., 0]
-    return product
+    return (rotations @ vectors[..., None])[..., 0]
 
 
 def cross(first: Float64Array, second: Float64Array) -> Float64Array:

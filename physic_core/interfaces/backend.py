@@ -407,5 +407,4 @@ def call(backend: Backend, request: Request[Any]) -> object:
         InputError: the image of the request is invalid; the backend is not called.
     """
     require_image(request.image)
-    result: object = backend.infer(*request.arguments_read(backend.reads))
-    return result
+    return backend.infer(*request.arguments_read(backend.reads))

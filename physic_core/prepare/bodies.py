@@ -120,7 +120,7 @@ def _body_masks(
     pixels = vertices[..., :2] / np.where(z > 0, z, np.nan) * f[:, None] + c[:, None]
     pixels = np.clip(np.nan_to_num(pixels, nan=-1e6), -1e6, 1e6)
     drawn = rasterize(torch.from_numpy(pixels), posed.vertices[..., 2], model.faces, *size)
-    return np.asarray(drawn.numpy() >= 0)
+    return drawn.numpy() >= 0
 
 
 def _cameras(given: GivenBodies, camera: Intrinsics | None) -> FloatArray:
@@ -162,8 +162,7 @@ def _translation(body: FloatArray, points: FloatArray, camera: Intrinsics) -> Fl
     slopes[:, 0, 0] = slopes[:, 1, 1] = 1
     slopes[..., 2] = -ray
     target = ray * body[:, 2:] - body[:, :2]
-    found: FloatArray = np.linalg.lstsq(slopes.reshape(-1, 3), target.reshape(-1), rcond=None)[0]
-    return found
+    return np.linalg.lstsq(slopes.reshape(-1, 3), target.reshape(-1), rcond=None)[0]
 
 
 def _landmarks(

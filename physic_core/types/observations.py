@@ -133,7 +133,7 @@ class Observations(ShortRepr):
 
         def log(values: Any) -> FloatArray:
             p = np.clip(np.asarray(values, np.float64), _LEAST, 1 - _LEAST)
-            return np.asarray(np.log(p) if name in CHOICES else np.log(p / (1 - p)))
+            return np.log(p) if name in CHOICES else np.log(p / (1 - p))
 
         beyond = log(getattr(self, name)) - log(getattr(self, f"{name}_share"))
         return np.nan_to_num(beyond).astype(np.float32)

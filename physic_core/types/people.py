@@ -251,7 +251,7 @@ class SurfaceLabels(ShortRepr):
                 f"{', '.join(SURFACE_NAMES)}"
             )
         chosen = np.array([name in names for name in self.names], bool)
-        return np.asarray(chosen[self.labels])
+        return chosen[self.labels]
 
     @property
     def ground(self) -> BoolArray:

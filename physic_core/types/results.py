@@ -367,8 +367,7 @@ class Reconstruction(ShortRepr):
         coordinate is the height over the floor.
         """
         matrix = self.world_from_camera
-        moved: Float64Array = points @ matrix[:3, :3].T + matrix[:3, 3]
-        return moved
+        return points @ matrix[:3, :3].T + matrix[:3, 3]
 
     @property
     def usable(self) -> dict[str, int]:

@@ -290,8 +290,7 @@ def centre_of_mass(vertices: Tensor, faces: Tensor) -> Tensor:
     a, b, c = (vertices - origin)[faces].unbind(1)
     volume: Tensor = (a * torch.linalg.cross(b, c)).sum(-1)
     moment = (volume[:, None] * (a + b + c)).sum(0)
-    centre: Tensor = origin + moment / (4 * volume.sum())
-    return centre
+    return origin + moment / (4 * volume.sum())
 
 
 def distance_to_hull(centre: Tensor, points: Tensor, up: Tensor) -> float:

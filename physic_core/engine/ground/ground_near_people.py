@@ -94,7 +94,7 @@ class LowSkin(NamedTuple):
         """
         (points,) = exact_arrays(self.vertices[person][self.lowest_vertices(person, up)][::_DRAWN])
         points = points @ matrix.T
-        return np.asarray(points[:, :2] / points[:, 2:])
+        return points[:, :2] / points[:, 2:]
 
 
 def low_skin(
@@ -215,5 +215,4 @@ def feet_pixels(
     visible &= (
         (points >= 0).all(-1) & (points[..., 0] <= width - 1) & (points[..., 1] <= height - 1)
     )
-    chosen: FloatArray = points[visible]
-    return chosen
+    return points[visible]

@@ -88,7 +88,7 @@ class Stance(ShortRepr):
     @property
     def holds(self) -> BoolArray:
         """Left and right hands (N, 2) bool that probably hold something."""
-        return np.asarray(self.touch[:, _HANDS, OBJECT] > LEAST_PROBABILITY)
+        return self.touch[:, _HANDS, OBJECT] > LEAST_PROBABILITY
 
     @property
     def stands_on_both_feet(self) -> BoolArray:

@@ -297,8 +297,7 @@ def _scene_point(scene: SceneState, x: int, y: int) -> list[float] | None:
     if not len(rows):
         return None
     nearest = int(((rows + top - y).square() + (columns + left - x).square()).argmin())
-    point: list[float] = scene.points[rows[nearest] + top, columns[nearest] + left].tolist()
-    return point
+    return scene.points[rows[nearest] + top, columns[nearest] + left].tolist()
 
 
 def scale_scene(

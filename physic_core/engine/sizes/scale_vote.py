@@ -100,7 +100,7 @@ class ScaleVote:
             np.exp(-0.5 * (away / s) ** 2) / s for s in (sigma, np.hypot(_WRONG_SIGMA, sigma))
         )
         sure = witnesses.right_probability
-        return np.asarray(sure * right / (sure * right + (1 - sure) * wrong + 1e-300))
+        return sure * right / (sure * right + (1 - sure) * wrong + 1e-300)
 
 
 def vote_on_scale(

@@ -93,8 +93,7 @@ class ChildGrowth:
 
     def betas(self, log_stature: FloatArray) -> FloatArray:
         """Return the mean betas (N, K) of children with the logarithms (N,) of stature."""
-        betas: FloatArray = np.polynomial.polynomial.polyval(np.asarray(log_stature), self.shape).T
-        return betas
+        return np.polynomial.polynomial.polyval(np.asarray(log_stature), self.shape).T
 
 
 @cache
@@ -179,7 +178,7 @@ def adult_probability(stature: FloatArray, years: FloatArray, child: FloatArray)
         child: (N,) probability by the photo, NaN where it says nothing.
     """
     adult = 1 - np.where(np.isnan(child), CHILD_SHARE, child)
-    return np.asarray(np.where(np.isnan(stature) & np.isnan(years), adult, 1.0))
+    return np.where(np.isnan(stature) & np.isnan(years), adult, 1.0)
 
 
 def log_stature_of_children() -> tuple[float, float]:

@@ -37,18 +37,15 @@ class Camera:
         inside = points @ self.R.T + self.t
         with np.errstate(invalid="ignore"):
             depth = np.where(inside[..., 2:] > 1e-6, inside[..., 2:], np.nan)
-        pixels: Float64Array = (inside / depth) @ self.K[:2].T
-        return pixels
+        return (inside / depth) @ self.K[:2].T
 
     def to_camera(self, points: Float64Array) -> Float64Array:
         """(..., 3) m of the world, in this camera's frame."""
-        moved: Float64Array = points @ self.R.T + self.t
-        return moved
+        return points @ self.R.T + self.t
 
     def to_world(self, points: Float64Array) -> Float64Array:
         """(..., 3) m of this camera's frame, in the world's."""
-        moved: Float64Array = (points - self.t) @ self.R
-        return moved
+        return (points - self.t) @ self.R
 
 
 def project(points: Float64Array, K: Float64Array) -> Float64Array:

@@ -89,8 +89,7 @@ def _value_if_known(record: Record, key: str) -> Sequence[float] | None:
 
 def _ratio(top: Float64Array, bottom: Float64Array) -> Float64Array:
     """Return top / bottom; NaN where the bottom is 0."""
-    ratio: Float64Array = np.where(bottom > 0, top / np.where(bottom > 0, bottom, 1.0), np.nan)
-    return ratio
+    return np.where(bottom > 0, top / np.where(bottom > 0, bottom, 1.0), np.nan)
 
 
 def _mean(sums: Float64Array) -> Float64Array:

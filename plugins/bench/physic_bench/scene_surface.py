@@ -140,7 +140,4 @@ def contact_by_rule(distance: Float64Array, threshold_m: float) -> BoolArray:
         distance: (...,) m, signed, negative inside.
         threshold_m: 0.02 in the released code of PhySIC, 0.05 in POSA.
     """
-    is_contact: BoolArray = (np.abs(distance) <= threshold_m) | (
-        (distance < 0) & (distance >= -PROXIMITY_RADIUS_M)
-    )
-    return is_contact
+    return (np.abs(distance) <= threshold_m) | ((distance < 0) & (distance >= -PROXIMITY_RADIUS_M))

@@ -74,16 +74,12 @@ def has_torso_joints(known: BoolArray) -> BoolArray:
     """Return which bodies (B,) have both hips, and both shoulders or the neck, among the known
     joints (B, 55).
     """
-    complete: BoolArray = known[:, _HIPS].all(1) & (
-        known[:, _SHOULDERS].all(1) | known[:, JOINT_INDEX["neck"]]
-    )
-    return complete
+    return known[:, _HIPS].all(1) & (known[:, _SHOULDERS].all(1) | known[:, JOINT_INDEX["neck"]])
 
 
 def finite_rows(joints: FloatArray) -> BoolArray:
     """Return whether each vector (..., 3) is finite: (...) bool."""
-    known: BoolArray = np.asarray(np.isfinite(joints).all(-1), bool)
-    return known
+    return np.asarray(np.isfinite(joints).all(-1), bool)
 
 
 def rotations_from_joints(joints: Float64Array, rest: Float64Array) -> Float64Array:
@@ -224,7 +220,7 @@ def _set_feet(
 def _turns_of_bones(bones: Float64Array, at_rest: Float64Array, axis: Float64Array) -> Float64Array:
     """Return the rotations that bring bones from rest to where they are, and hinges to an axis."""
     frame = frame_from_axes(at_rest, np.broadcast_to(_HINGES, at_rest.shape))
-    return np.asarray(frame_from_axes(bones, axis) @ np.swapaxes(frame, -1, -2))
+    return frame_from_axes(bones, axis) @ np.swapaxes(frame, -1, -2)
 
 
 def _hinge_axes(upper: Float64Array, lower: Float64Array, hint: Float64Array) -> Float64Array:
@@ -288,8 +284,7 @@ def _align(*sticks: Float64Array) -> Float64Array:
 def _left_minus_right(both: Float64Array, pair: list[int]) -> Float64Array:
     """Return the vectors (2, B, 3) from the right to the left joint of a pair."""
     left, right = pair
-    vectors: Float64Array = both[:, :, left] - both[:, :, right]
-    return vectors
+    return both[:, :, left] - both[:, :, right]
 
 
 @dataclass(frozen=True)

@@ -152,10 +152,7 @@ class SampledBodyModel:
     def posed(self, fit: BodyFit) -> Float64Array:
         """Return the vertices (B, n, 3), metres, of fitted bodies."""
         start, slopes = self.linear(fit.world)
-        vertices: Float64Array = (
-            start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
-        )
-        return vertices
+        return start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
 
     def lever_arms(self, world: Float64Array, betas: Float64Array) -> Float64Array:
         """Return lever arms (B, n, 55, 3): a small rotation w of a bone moves a vertex by ``w x

@@ -198,7 +198,7 @@ def _same_person(at: dict[str, FloatArray], trunk: FloatArray) -> BoolArray:
     joints = np.stack([at[f"{side}_{joint}"] for side in SIDES for joint in _JOINTS], 1)
     gaps = np.linalg.norm(joints[:, None] - joints, axis=-1)
     apart = np.median(_far_if_unknown(gaps), axis=-1) / np.minimum(trunk[:, None], trunk)
-    return np.asarray((apart < _SAME_POSE) | np.eye(len(joints), dtype=bool))
+    return (apart < _SAME_POSE) | np.eye(len(joints), dtype=bool)
 
 
 def _distance_to_bones(joint_positions: FloatArray, bones: FloatArray) -> FloatArray:

@@ -210,8 +210,7 @@ class _Problem:
 
     def _in_front(self, shift: float) -> BoolArray:
         """Return a mask of the points in front of the camera."""
-        front: BoolArray = self.z + shift > 0
-        return front
+        return self.z + shift > 0
 
     def _sums(self, shift: float, of_products: int, of_squares: int) -> tuple[float, float]:
         """Return the sums of uv . xy / (z + s)^k and of xy . xy / (z + s)^l over the points in

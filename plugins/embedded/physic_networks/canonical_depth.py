@@ -66,8 +66,7 @@ def depth_from_canonical(raw: FloatArray, focal_px: float, canonical_focal_px: f
     Returns:
         (h, w) float32 metres along z.
     """
-    metres: FloatArray = np.asarray(raw, np.float32) * np.float32(focal_px / canonical_focal_px)
-    return metres
+    return np.asarray(raw, np.float32) * np.float32(focal_px / canonical_focal_px)
 
 
 def known_camera(hints: Hints, image: AnyArray) -> Intrinsics | None:

@@ -50,14 +50,12 @@ def xyxy_from_cxcywh(boxes: FloatArray) -> FloatArray:
     """Convert boxes (..., 4) from centre x, centre y, width, height to x0 y0 x1 y1."""
     centre = boxes[..., :2]
     half = boxes[..., 2:] / 2
-    corners: FloatArray = np.concatenate([centre - half, centre + half], axis=-1)
-    return corners
+    return np.concatenate([centre - half, centre + half], axis=-1)
 
 
 def sigmoid(logits: FloatArray) -> FloatArray:
     """Return 1 / (1 + exp(-x)) of logits, clipped to avoid overflow."""
-    probability: FloatArray = np.asarray(1.0 / (1.0 + np.exp(-np.clip(logits, -60.0, 60.0))))
-    return probability
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(logits, -60.0, 60.0))))
 
 
 def nms(boxes: FloatArray, scores: FloatArray, overlap: float) -> NDArray[np.intp]:

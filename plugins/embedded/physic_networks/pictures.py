@@ -100,7 +100,7 @@ def resize_map(values: AnyArray, height: int, width: int) -> FloatArray:
         InputError: ``values`` is not an array of numbers, or the size is not positive.
     """
     _require_picture(values)
-    return np.asarray(resize_image(np.asarray(values, np.float32), height, width, "bilinear"))
+    return resize_image(np.asarray(values, np.float32), height, width, "bilinear")
 
 
 def _require_picture(image: object) -> None:

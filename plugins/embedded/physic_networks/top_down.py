@@ -37,8 +37,7 @@ class Crop:
 
     def to_photo(self, points: FloatArray) -> FloatArray:
         """Map points (..., 2) from px of the crop to px of the photo."""
-        in_photo: FloatArray = np.asarray(self.origin) + np.asarray(self.step) * points
-        return in_photo
+        return np.asarray(self.origin) + np.asarray(self.step) * points
 
     def to_crop(self, points: FloatArray) -> FloatArray:
         """Map points (..., 2) from px of the photo to px of the crop."""
@@ -201,5 +200,4 @@ def subpixel_peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def scores_to_confidence(scores: FloatArray) -> FloatArray:
     """Clip scores to [0, 1]; NaN becomes 0."""
-    confidence: FloatArray = np.clip(np.nan_to_num(scores, nan=0.0), 0.0, 1.0)
-    return confidence
+    return np.clip(np.nan_to_num(scores, nan=0.0), 0.0, 1.0)

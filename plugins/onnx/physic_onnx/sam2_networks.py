@@ -61,8 +61,7 @@ class EncodedImage:
         """
         height, width = self.size
         scale = _SIDE / np.array([width, height], np.float64)
-        frame: FloatArray = (np.asarray(points, np.float64) + 0.5) * scale - 0.5
-        return frame
+        return (np.asarray(points, np.float64) + 0.5) * scale - 0.5
 
 
 class Sam2Networks:

@@ -22,8 +22,7 @@ def best_rows(scores: FloatArray, threshold: float, max_rows: int) -> NDArray[np
     """Return at most ``max_rows`` rows with a score above the threshold, best first."""
 
     order = np.argsort(-scores, kind="stable")
-    rows: NDArray[np.intp] = order[scores[order] > threshold][:max_rows]
-    return rows
+    return order[scores[order] > threshold][:max_rows]
 
 
 def people_from_sam(

@@ -367,8 +367,7 @@ def camera_sigmas(observations: MomentObservations, state: Bundle, reference: in
             center_variance,
             covariance[focal, focal],
         )
-    sigmas: FloatArray = np.sqrt(variances) * [_ROTATION_STATED, _POSITION_STATED, 1.0]
-    return sigmas
+    return np.sqrt(variances) * [_ROTATION_STATED, _POSITION_STATED, 1.0]
 
 
 def _normal_equations(

@@ -66,8 +66,7 @@ class MeasuredErrors:
         """Return the standard deviation (...) of keypoints of a confidence (...), as a share of the
         stature in px.
         """
-        sigma: FloatArray = np.interp(confidence, self.confidence, self.keypoint)
-        return sigma
+        return np.interp(confidence, self.confidence, self.keypoint)
 
     def of(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """Return two numbers for each keypoint of a skeleton.

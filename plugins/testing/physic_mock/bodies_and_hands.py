@@ -145,8 +145,7 @@ def _log_statures(noise: Noise, options: BodyOptions) -> FloatArray:
     too.
     """
     drawn = noise.rng("statures", all_views=True).normal(size=len(noise.world.vertices))
-    errors: FloatArray = noise.factor * (options.stature_bias + STATURE_SIGMA * drawn)
-    return errors
+    return noise.factor * (options.stature_bias + STATURE_SIGMA * drawn)
 
 
 def _noisy_translations(

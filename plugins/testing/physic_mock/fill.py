@@ -57,5 +57,4 @@ def _fill(values: FloatArray, weight: FloatArray) -> FloatArray:
 def _sum_2x2(values: FloatArray) -> FloatArray:
     """Return the sums (H / 2, W / 2, C) of 2 x 2 pixels, rounded up."""
     even = np.pad(values, ((0, values.shape[0] % 2), (0, values.shape[1] % 2), (0, 0)))
-    halved: FloatArray = even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2]
-    return halved
+    return even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2]

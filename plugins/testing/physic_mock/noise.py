@@ -114,14 +114,12 @@ class Noise:
         """Draw factors (H, W) of an error of SMOOTH, whose logarithm is multiplied by ``ramp``."""
         sigma, waves = SMOOTH[name]
         image = smooth_image(shape, waves, self.rng(f"{name} {of}".rstrip()))
-        factors: FloatArray = np.exp(self.factor * sigma * ramp * image)
-        return factors
+        return np.exp(self.factor * sigma * ramp * image)
 
     def draw_is_below(self, share: str | float, draws: FloatArray) -> BoolArray:
         """Return which uniform draws (...) are below a share, or one of SHARES, times the noise."""
         least = SHARES[share] if isinstance(share, str) else share
-        below: BoolArray = draws < min(1.0, least * self.factor)
-        return below
+        return draws < min(1.0, least * self.factor)
 
     def rough_border(self, mask: BoolArray, rng: np.random.Generator) -> BoolArray:
         """Return the mask (H, W) with its border shifted by about RAGGED_PX, in waves of about 12

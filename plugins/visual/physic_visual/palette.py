@@ -103,8 +103,7 @@ def contact_colors(person: Person, partners: Sequence[ContactPartner]) -> UInt8A
         return np.where(person.contact[:, None], CONTACT_RGB, BODY_RGB).astype(np.uint8)
     table = np.array([*map(contact_color, partners), BODY_RGB], np.uint8)
     # -1, no partner, is the last row
-    colors: UInt8Array = table[np.asarray(person.contact_partner, np.int64)]
-    return colors
+    return table[np.asarray(person.contact_partner, np.int64)]
 
 
 def contact_strength(person: Person) -> Float64Array:

@@ -68,7 +68,7 @@ class Rig:
         """Return the posed vertices (V, 3) in the frame, metres."""
         motions = (self.joint_poses() @ self.inverse_bind)[:, :3]
         blended = (self.weights @ motions.reshape(len(motions), -1)).reshape(-1, 3, 4)
-        return np.asarray((blended[..., :3] @ self.vertices[..., None])[..., 0] + blended[..., 3])
+        return (blended[..., :3] @ self.vertices[..., None])[..., 0] + blended[..., 3]
 
 
 def bound_in_pose(rig: Rig, vertices: Float64Array) -> Rig:

@@ -173,7 +173,7 @@ def is_near(points: FloatArray, limit: float) -> BoolArray:
     """
     x, y, z = (points[..., axis] for axis in range(3))
     with np.errstate(invalid="ignore", over="ignore"):
-        return np.asarray((z > 0) & (x * x + y * y + z * z < limit * limit))
+        return (z > 0) & (x * x + y * y + z * z < limit * limit)
 
 
 def mesh_backdrop(result: Reconstruction, surface: SceneMesh) -> SceneMesh:

@@ -158,7 +158,7 @@ def _bone_directions(root: FloatArray, rotvecs: FloatArray, rest: RestHand) -> F
     first = root[:, None] @ turns[:, :, 0]
     second = first @ turns[:, :, 1]
     chain = np.stack([first, second, second @ turns[:, :, 2]], axis=2)
-    return np.asarray((chain @ rest.bones[..., None])[..., 0])
+    return (chain @ rest.bones[..., None])[..., 0]
 
 
 def _degrees_of_freedom() -> tuple[

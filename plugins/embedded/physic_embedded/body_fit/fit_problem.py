@@ -317,8 +317,7 @@ class FitProblem:
         """
         variance = covariance.diagonal(dim1=1, dim2=2)[:, :66].view(-1, 22, 3)
         steps = torch.cat([torch.full_like(self.sigma[:1], _ROOT_STEP), self.sigma])
-        sigma: Tensor = (variance * steps.square()).sum(-1).sqrt()
-        return sigma
+        return (variance * steps.square()).sum(-1).sqrt()
 
     def loss(self, unknowns: Tensor) -> Tensor:
         """Return the loss (N,) of each person: the sum of all terms."""

@@ -52,7 +52,7 @@ _LEAST_UPRIGHT = 0.5  # cosine between trunk and vertical, below which people ma
 
 def has_hidden_legs(observations: BodyObservations, skeleton: Skeleton) -> BoolArray:
     """Return which of N people have no visible knee and ankle, (N,) bool."""
-    return np.asarray(_leg_confidence(observations, skeleton) < SURE_CONFIDENCE)
+    return _leg_confidence(observations, skeleton) < SURE_CONFIDENCE
 
 
 def _leg_confidence(observations: BodyObservations, skeleton: Skeleton) -> FloatArray:
@@ -149,7 +149,7 @@ def pitch_sigma(person_observations: Observations) -> FloatArray:
     variance = np.square(np.radians([_PITCH_SIGMA_DEG[name] for name in POSTURES]))
     usual = np.radians(_PITCH_SIGMA_DEG["sit"]) ** 2
     mixed = person_observations.posture.astype(np.float64) @ variance
-    return np.asarray(np.sqrt(np.where(np.isnan(mixed), usual, mixed)))
+    return np.sqrt(np.where(np.isnan(mixed), usual, mixed))
 
 
 def _probably_sits(person_observations: Observations) -> BoolArray:
@@ -212,7 +212,7 @@ def _bent_leg_positions(
 def _trunk_direction(world: FloatArray, row: dict[str, int]) -> FloatArray:
     """Return the unit vector (3,) from shoulders to hips of 3D landmarks (J, 3)."""
     trunk = _pair_center(world, row, "hip") - _pair_center(world, row, "shoulder")
-    return np.asarray(trunk / (np.linalg.norm(trunk) + 1e-9))
+    return trunk / (np.linalg.norm(trunk) + 1e-9)
 
 
 def _pair_center(points: FloatArray, row: dict[str, int], joint: str) -> FloatArray:

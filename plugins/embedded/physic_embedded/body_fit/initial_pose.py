@@ -118,7 +118,7 @@ def _rotvec(matrix: FloatArray) -> FloatArray:
 
 def _normalise(vector: FloatArray) -> FloatArray:
     """Scale a vector to unit length."""
-    return np.asarray(vector / (np.linalg.norm(vector) + 1e-9))
+    return vector / (np.linalg.norm(vector) + 1e-9)
 
 
 def _frame_from_x(x: FloatArray, near_y: FloatArray) -> FloatArray:

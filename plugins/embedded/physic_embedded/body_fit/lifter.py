@@ -123,7 +123,7 @@ def _predicted_offsets(view: LimbView) -> FloatArray:
     hidden = np.maximum(_affine(layers[0], x), 0)
     for first, second in zip(layers[1:-1:2], layers[2:-1:2], strict=True):
         hidden = hidden + np.maximum(_affine(second, np.maximum(_affine(first, hidden), 0)), 0)
-    return np.asarray(_affine(layers[-1], hidden).reshape(view.joints.shape) * unit)
+    return _affine(layers[-1], hidden).reshape(view.joints.shape) * unit
 
 
 def _affine(layer: tuple[FloatArray, FloatArray], x: FloatArray) -> FloatArray:

@@ -143,7 +143,7 @@ def _confidence_inside(keypoints: Keypoints, intrinsics: Intrinsics) -> FloatArr
     limits = np.array([intrinsics.width, intrinsics.height]) - 0.5
     inside = ((keypoints.points > -0.5) & (keypoints.points < limits)).all(-1)
     stated = np.clip(np.asarray(keypoints.confidence, np.float64), 0.02, 1)
-    return np.asarray(stated * np.where(inside, 1, _OUTSIDE))
+    return stated * np.where(inside, 1, _OUTSIDE)
 
 
 def _rotations_to(pixels: FloatArray, intrinsics: Intrinsics) -> FloatArray:

@@ -291,9 +291,7 @@ def _initial_poses_from_fit(
 
 def _surely_stands(keypoints: Keypoints, person_observations: Observations) -> BoolArray:
     """Return which of N people surely stand or walk by picture and observer, (N,) bool."""
-    return np.asarray(
-        is_surely_standing(person_observations) & is_upright(keypoints, person_observations)
-    )
+    return is_surely_standing(person_observations) & is_upright(keypoints, person_observations)
 
 
 def _rotation_sigma(

@@ -59,8 +59,7 @@ class PointMotions:
         by_bone = by_bone + pull[:, None, :, :, None] * self._shifts[..., None, :]
         own = (self._family @ pull)[:, None, :, :, None] * self._places[..., None, :]
         below = (self._family @ by_bone.flatten(3)).view(batch, shapes, -1, 3, 3)
-        found: Tensor = below - own
-        return found
+        return below - own
 
 
 def point_motions(

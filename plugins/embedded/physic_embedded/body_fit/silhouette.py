@@ -121,13 +121,13 @@ def _is_finger(model: BodyModel) -> BoolArray:
     fingers = [
         row for row, name in enumerate(JOINT_NAMES) if any(part in name for part in _FINGERS)
     ]
-    return np.asarray(np.isin(model.skin.weights.argmax(0).numpy(), fingers))
+    return np.isin(model.skin.weights.argmax(0).numpy(), fingers)
 
 
 def _project(points: FloatArray, camera: FloatArray) -> FloatArray:
     """Project points (n, 3) to px (n, 2)."""
     pixels = points @ camera.T
-    return np.asarray(pixels[..., :2] / np.maximum(pixels[..., 2:], 0.1))
+    return pixels[..., :2] / np.maximum(pixels[..., 2:], 0.1)
 
 
 @dataclass(frozen=True)
@@ -307,7 +307,7 @@ def _hidden(crop: _Crop, points: FloatArray, person: FloatArray) -> BoolArray:
     own = crop.depth[_pixel_indices(np.clip(person, 0, limits))]
     seen = crop.depth[crop.mask & np.isfinite(crop.depth)]
     own = np.where(np.isfinite(own), own, np.median(seen) if len(seen) else np.inf)
-    return np.asarray(crop.depth[_pixel_indices(points)] < _NEARER * own)
+    return crop.depth[_pixel_indices(points)] < _NEARER * own
 
 
 def _pixel_indices(points: FloatArray) -> tuple[Int64Array, Int64Array]:

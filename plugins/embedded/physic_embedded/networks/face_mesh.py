@@ -108,5 +108,4 @@ def _face_direction(points: FloatArray) -> FloatArray:
 
 
 def _unit(vector: FloatArray) -> FloatArray:
-    length: FloatArray = vector / max(float(np.linalg.norm(vector)), 1e-9)
-    return length
+    return vector / max(float(np.linalg.norm(vector)), 1e-9)

@@ -39,8 +39,7 @@ class ImageEmbedding:
 
         Integers are pixel centres in both images.
         """
-        frame: FloatArray = (points + 0.5) * self.scale - 0.5
-        return frame
+        return (points + 0.5) * self.scale - 0.5
 
     @property
     def grid_shape(self) -> tuple[int, int]:

@@ -126,7 +126,7 @@ def add_labelled_floor(
         return np.asarray(labelled)
     either = beside_feet | labelled
     _, parts = cv2.connectedComponents(either.astype(np.uint8))
-    return np.asarray(either & np.isin(parts, np.unique(parts[beside_feet])))
+    return either & np.isin(parts, np.unique(parts[beside_feet]))
 
 
 def _person_points(poses: Sequence[Pose], people: BoolArray) -> FloatArray:

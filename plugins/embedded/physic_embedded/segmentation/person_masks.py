@@ -189,7 +189,7 @@ def _points_in_mask(points: FloatArray, mask: BoolArray, embedding: ImageEmbeddi
     x, y = points.T
     points = points[(x >= 0) & (y >= 0) & (x <= embedding.width - 1) & (y <= embedding.height - 1)]
     column, row = _cells(points, embedding)
-    return np.asarray(points[mask[row, column]])
+    return points[mask[row, column]]
 
 
 def _box(mask: BoolArray, embedding: ImageEmbedding, margin: float = 0.04) -> FloatArray:
@@ -201,7 +201,7 @@ def _box(mask: BoolArray, embedding: ImageEmbedding, margin: float = 0.04) -> Fl
     grow = margin * (high - low)
     edges = np.stack([low - grow, high + grow + 1]) * embedding.cell - 0.5
     edges = np.clip(edges, 0, [embedding.width - 1, embedding.height - 1])
-    return np.asarray(edges.ravel())
+    return edges.ravel()
 
 
 def _best(

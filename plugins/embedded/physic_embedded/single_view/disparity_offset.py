@@ -186,4 +186,4 @@ def _horizon_cost(
 def _robust(residual: FloatArray) -> FloatArray:
     """Return a robust squared residual, so that a single wrong cue cannot outweigh the others."""
 
-    return np.asarray(4 * np.log1p(residual**2 / 4))
+    return 4 * np.log1p(residual**2 / 4)

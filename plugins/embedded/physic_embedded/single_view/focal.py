@@ -75,7 +75,7 @@ def _normalised(segments: Float64Array, width: int, height: int) -> _Segments:
 
 def _cross(a: Float64Array, b: Float64Array) -> Float64Array:
     """Return the cross product of vectors (..., 2)."""
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def _line_residuals(

@@ -180,8 +180,7 @@ def _scale(z: FloatArray, truth: Truth) -> list[FloatArray]:
 def _transposed(z: FloatArray, truth: Truth) -> FloatArray:
     height, width = z.shape
     rows = np.arange(height) * width // height
-    taken: FloatArray = z.T[np.ix_(rows, np.arange(width) * height // width)]
-    return taken
+    return z.T[np.ix_(rows, np.arange(width) * height // width)]
 
 
 def _of_middle_square(z: FloatArray, truth: Truth) -> FloatArray:

@@ -76,8 +76,7 @@ def _errors(values: Values, truth: Truth) -> dict[str, Any]:
 def _centres(case: Case) -> FloatArray:
     """Return the centres (N, 1, 2) of the boxes, px."""
     boxes = case.people.boxes[:, None]
-    centres: FloatArray = (boxes[..., :2] + boxes[..., 2:] - 1) / 2
-    return centres
+    return (boxes[..., :2] + boxes[..., 2:] - 1) / 2
 
 
 def _in_boxes(points: FloatArray, truth: Truth) -> list[FloatArray]:

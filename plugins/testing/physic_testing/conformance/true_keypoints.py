@@ -73,7 +73,6 @@ def _visible(world: World, name: str) -> BoolArray:
     for skeleton in ("coco23", "blazepose33"):
         names = SKELETONS[skeleton].names
         if name in names:
-            visible: BoolArray = world.visible[skeleton][:, names.index(name)]
-            return visible
+            return world.visible[skeleton][:, names.index(name)]
     joint = name.removesuffix("_tip") + "3" if name.endswith("_tip") else name
     return world.joints_visible[:, JOINT_INDEX[joint]]

@@ -132,8 +132,7 @@ def contact_scores(predicted: BoolArray, truth: BoolArray) -> ContactScores:
 
 def _harmonic(precision: FloatArray, recall: FloatArray) -> FloatArray:
     total = precision + recall
-    mean: FloatArray = 2 * precision * recall / np.where(total > 0, total, 1.0)
-    return mean
+    return 2 * precision * recall / np.where(total > 0, total, 1.0)
 
 
 @dataclass(frozen=True)

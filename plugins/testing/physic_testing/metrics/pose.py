@@ -136,7 +136,4 @@ def _mean_distance_mm(
     )
     count = counted.sum(-1)
     total = np.where(counted, distance, 0.0).sum(-1)
-    mean: FloatArray = np.where(
-        (count > 0) & np.isfinite(total), 1000.0 * total / np.maximum(count, 1), np.nan
-    )
-    return mean
+    return np.where((count > 0) & np.isfinite(total), 1000.0 * total / np.maximum(count, 1), np.nan)

@@ -197,5 +197,4 @@ def contact_gap(
     outside = np.where(np.isnan(distance), np.inf, np.maximum(distance, 0.0))
     gap = np.where(contact, np.minimum(outside, reach), 0.0)
     number = contact.sum(-1)
-    mean: FloatArray = np.where(number > 0, gap.sum(-1) / np.maximum(number, 1), np.nan)
-    return mean
+    return np.where(number > 0, gap.sum(-1) / np.maximum(number, 1), np.nan)

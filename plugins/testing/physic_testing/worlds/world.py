@@ -256,7 +256,7 @@ def _points_of(
 
     regressor = model.regressor(skeleton)
     ends = torch.from_numpy(vertices[:, regressor.vertex_ids.numpy()])
-    return np.asarray(regressor(torch.from_numpy(joints), ends).numpy())
+    return regressor(torch.from_numpy(joints), ends).numpy()
 
 
 def _pictures(

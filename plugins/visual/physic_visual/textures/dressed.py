@@ -168,8 +168,7 @@ def image_of_vertices(colors: UInt8Array, source: str, size: int) -> UInt8Array:
     raster = texture_raster(source, size)
     mesh = texture_coordinates(source)
     texels = raster.interpolate(mesh.vertex[mesh.faces], colors.astype(np.float64))
-    image: UInt8Array = raster.image(np.round(texels).astype(np.uint8))
-    return image
+    return raster.image(np.round(texels).astype(np.uint8))
 
 
 @lru_cache(maxsize=2)
@@ -265,10 +264,7 @@ def _shaded_skin(
     up = np.asarray(up_in_camera(result.scene.level), np.float64)
     light = 0.8 * up - [0.6, 0.0, 0.0]
     light = light / np.linalg.norm(light)
-    darkened: Float64Array = (
-        colors * (_DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals @ light))[:, None]
-    )
-    return darkened
+    return colors * (_DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals @ light))[:, None]
 
 
 def _texture_size(result: Reconstruction, index: int) -> int:

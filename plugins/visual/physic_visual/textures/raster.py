@@ -72,8 +72,7 @@ class TextureRaster:
         """Return values (n, ...) as an image (size, size, ...), continued over the edges of the
         charts.
         """
-        filled: AnyArray = values[self._nearest]
-        return filled
+        return values[self._nearest]
 
     @cached_property
     def _nearest(self) -> Int64Array:
