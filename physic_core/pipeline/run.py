@@ -454,11 +454,12 @@ def _with_descriptions(
         stages.warn(*others, *warning_messages(result.checks))
         stages.warn(*small_stature_warnings(estimates, result), *bent_trunk_warnings(result))
         stages.note(*describe_methods(estimates, result))
-        if any(check.failed for check in result.checks):
+        is_usable = all(len(one.usable) == len(one.marks) for one in result.people)
+        if not (result.people and is_usable) or any(check.failed for check in result.checks):
             stages.warn(
                 *(
-                    f"a check failed, and {backend.title} never passed `physic plugins check` "
-                    f"here: it may be wrong"
+                    f"not everything is usable, and {backend.title} never passed `physic plugins "
+                    f"check` here: it may be wrong"
                     for backend in plan.backends.values()
                     if not stages.has_passed_kit(backend)
                 )

@@ -52,12 +52,17 @@ FAR_FROM_OTHERS = [
     ),
     changed(backends.MockRelativePointmap, lambda pointmap, *_: replace(pointmap, up=-pointmap.up)),
     mistaken(*DEPTH, lambda z: 1.6 * z),
+    mistaken(
+        backends.MockPersonObserver, "touch", lambda touch: touch[:, [2, 3, 0, 1, *range(4, 10)]]
+    ),
 ]
 
 
 @pytest.mark.parametrize("wrong", FAR_FROM_OTHERS)
-def test_a_backend_that_never_passed_the_kit_is_named_where_a_check_fails(wrong, walk):
-    """Children with the height of adults, a shift, a mirrored body, a roof for a floor, a scale."""
+def test_a_backend_that_never_passed_the_kit_is_named_where_a_mark_is_lower(wrong, walk):
+    """Children with the height of adults, a shift, a mirrored body, a roof for a floor, a scale,
+    and hands for feet, of which no check fails.
+    """
     (interface,) = wrong
     found = reconstruct(walk.image, UNCACHED, backends=wrong)
     assert any(f"{interface} '" in one for one in found.warnings), found.warnings

@@ -143,13 +143,13 @@ def _work(
 ) -> None:
     # Ctrl-C reaches the server, which ends this process
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        reconstruct = open_(config)
-    except Exception as error:
-        pipe.send(Message("refused", _message_of(error)))
-        return
-    pipe.send(Message("ready"))
     with suppress(EOFError, OSError):  # the server has ended
+        try:
+            reconstruct = open_(config)
+        except Exception as error:
+            pipe.send(Message("refused", _message_of(error)))
+            return
+        pipe.send(Message("ready"))
         while True:
             pipe.send(
                 _run(
