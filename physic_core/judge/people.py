@@ -401,8 +401,7 @@ def stature(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     """Return the difference between the stature and the mean of adults, or of children if the
     person is probably a child, in standard deviations.
 
-    Of people of known stature and age, it is that of the two. With one of them known, it is not
-    measured.
+    Of people of known stature and age, it is that of the two.
     """
     from physic_core.engine.sizes.stature import stature_surprise, stature_surprise_at_age
 
@@ -415,11 +414,14 @@ def stature(estimates: Estimates, result: Reconstruction, person: int) -> Measur
             f"you gave {height:.2f} m and {years:g} years, which hardly go together: correct "
             "--stature or --age"
         )
-    if _is_known(estimates, result, person):
-        return None
     child = math.nan if subject.child_probability is None else subject.child_probability
-    surprise = stature_surprise(subject.stature, child, stands=subject.posture in _UPRIGHT)
-    return surprise, (
+    off = stature_surprise(
+        subject.stature,
+        child,
+        stands=subject.posture in _UPRIGHT,
+        is_given=_is_known(estimates, result, person),
+    )
+    return off, (
         f"this person is {subject.stature:.2f} m tall in the result, but probably "
         f"{'a child' if child >= LEAST_PROBABILITY else 'an adult'}: check units and sizes that "
         "you gave. If you gave none, do not use this size, or give --stature METERS"

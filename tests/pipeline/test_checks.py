@@ -568,12 +568,24 @@ def test_a_stature_that_nobody_has_is_not_usable_in_size(person, name):
 
 
 @pytest.mark.parametrize(
-    "known", [KnownPeople(np.array([1.0]), None), KnownPeople(None, np.array([0.6]))]
+    ("years", "stature", "child", "failed"),
+    [
+        (1.0, 0.7, 0.9, False),
+        (3.0, 0.96, 0.004, True),
+        (None, 0.6, 0.9, False),
+        (None, 1.1, 0.004, True),
+        (None, 1.1, 0.24, False),
+        (None, 1.5, 0.02, False),
+    ],
 )
-def test_a_stature_is_not_asked_of_people_of_known_age_or_size(known):
-    estimates, result = case(stature=0.6, child_probability=0.9)
-    estimates.photo.known = known
-    assert not [one for one in run_checks(estimates, result) if one.name == "stature"]
+def test_a_given_age_or_stature_of_a_child_fails_where_the_photo_shows_an_adult(
+    years, stature, child, failed
+):
+    estimates, result = case(stature=stature, child_probability=child)
+    known = KnownPeople(None, np.array([stature]))
+    estimates.photo.known = KnownPeople(np.array([years]), None) if years else known
+    (check,) = [one for one in run_checks(estimates, result) if one.name == "stature"]
+    assert check.failed == failed
 
 
 @pytest.mark.parametrize(

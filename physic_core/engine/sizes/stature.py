@@ -190,7 +190,7 @@ def log_stature_of_children() -> tuple[float, float]:
     return float(mean), float(np.sqrt(variance))
 
 
-def stature_surprise(stature: float, child: float, *, stands: bool) -> float:
+def stature_surprise(stature: float, child: float, *, stands: bool, is_given: bool) -> float:
     """Return by how many standard deviations a stature differs from that of adults or children,
     whichever is likelier.
 
@@ -201,14 +201,18 @@ def stature_surprise(stature: float, child: float, *, stands: bool) -> float:
         stature: metres.
         child: probability by the photo, NaN where it says nothing.
         stands: whether the person stands.
+        is_given: whether the user states it, perhaps by an age: babies may stand on somebody's lap.
     """
     share = CHILD_SHARE if np.isnan(child) else child
     mean, spread = log_stature_of_children()
     adults = np.log(ADULT_STATURE_M), np.hypot(STATURE_SIGMA, FACTOR_SPREAD)
-    children = (mean, spread) if not stands or stature >= _LEAST_STANDING_M else (np.inf, spread)
+    if is_given:
+        mean = min(mean, float(np.log(stature)))
+    elif stands and stature < _LEAST_STANDING_M:
+        mean = np.inf
     squares = [
         ((np.log(stature) - middle) / sigma) ** 2 - 2 * np.log(max(part, 1e-9))
-        for part, (middle, sigma) in ((1 - share, adults), (share, children))
+        for part, (middle, sigma) in ((1 - share, adults), (share, (mean, spread)))
     ]
     return float(np.sqrt(min(squares)))
 
