@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from physic_core.errors import InputError
-from physic_core.types.skeletons import SURE_CONFIDENCE, keypoint_in_words, other_side
+from physic_core.types.skeletons import SURE_CONFIDENCE, keypoint_in_words, mirrored_order
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -27,6 +27,8 @@ _SAME_PX = 0.02
 """Distance of a given keypoint from the detected one up to which they are the same: a table of
 keypoints is rounded.
 """
+_FEWEST_EXCHANGED = 4  # given keypoints at the detected ones of the other side
+_LEAST_EXCHANGED = 0.8  # share of them
 _OUTSIDE = 0.01
 """Distance from the mask beyond which a joint lies outside of it, as a share of the box's
 diagonal.
@@ -126,11 +128,7 @@ def contradicted_keypoints(
     """
     import cv2
 
-    names = detected.joint_set.names
-    twins = [
-        names.index(twin) if (twin := other_side(name)) in names else k
-        for k, name in enumerate(names)
-    ]
+    twins = mirrored_order(detected.joint_set.names)
     is_confident = detected.confidence >= SURE_CONFIDENCE
     distance_px = np.zeros(changed.shape)
     for person in np.flatnonzero(changed.any(1)).tolist():
@@ -164,12 +162,19 @@ def _describe_changes(
     """
     if not changed.any():
         return "the given keypoints are those of the detector: they change nothing"
-    moved = np.where(changed, np.linalg.norm(after.points - before.points, axis=-1), -1.0)
+    distance_px = np.linalg.norm(after.points - before.points, axis=-1)
+    moved = np.where(changed, distance_px, -1.0)
+    twins = mirrored_order(before.joint_set.names)
+    from_twin = np.linalg.norm(after.points - before.points[:, twins], axis=-1)
+    has_twin = np.array(twins) != np.arange(len(twins))
+    is_of_twin = (from_twin < distance_px / 2)[changed & has_twin]
+    is_exchanged = is_of_twin.sum() >= _FEWEST_EXCHANGED and is_of_twin.mean() > _LEAST_EXCHANGED
     person, column = (int(i) for i in np.unravel_index(moved.argmax(), moved.shape))
     return (
         f"given keypoints: {changed.sum()}; the {keypoint_in_words(after.joint_set.names[column])} "
         f"of person {person} lies {moved.max() * file_px_per_px:.0f} px from the detected "
         f"one{', the others less' if changed.sum() > 1 else ''}"
+        f"{'. Check their names: left and right seem to be exchanged' if is_exchanged else ''}"
     )
 
 

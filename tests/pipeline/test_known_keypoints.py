@@ -15,6 +15,7 @@ from physic_core.io.photo import read_photo
 from physic_core.prepare.keypoints import contradicted_keypoints, corrected_keypoints
 from physic_core.prepare.photo import prepare_photo
 from physic_core.types import SKELETONS, Keypoints, People
+from physic_core.types.skeletons import mirrored_order
 from physic_mock import backends
 
 pytestmark = pytest.mark.usefixtures("few_steps")
@@ -158,6 +159,13 @@ def test_a_photo_that_is_made_smaller_has_given_scores_and_a_note_in_px_of_its_f
     after, _, (note,) = corrected_keypoints(keypoints, given, people)
     assert after.confidence[0, LEFT_WRIST] == pytest.approx(0.4)
     assert "120 px" in note
+
+
+@pytest.mark.parametrize(("order", "is_named"), [(mirrored_order(NAMES), True), (range(17), False)])
+def test_exchanged_sides_are_named(tmp_path, order, is_named):
+    before, _ = two_people()
+    *_, note = corrected(tmp_path, [annotation(before.points[1][[*order]] + 1)])[2]
+    assert ("left and right" in note) == is_named
 
 
 def test_annotations_that_are_of_nobody_are_refused(tmp_path):
