@@ -81,6 +81,7 @@ _QUANTITIES: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
 
 _FIELDS = (0.7, 0.8, 0.9, 1.0, 1.11, 1.25, 1.43)  # of view, over the photo's
 _SHAPES = (9 / 16, 3 / 4, 4 / 3, 16 / 9)  # of a canvas that was resized, over the photo's
+_FARTHEST_MOVE = 12  # of masks, px of the compared size
 _OFFSETS = tuple(np.arange(-4, 5) * 0.03)  # of the long side
 
 
@@ -306,6 +307,9 @@ def turned_masks(given_masks: BoolArray, detected_masks: BoolArray) -> str:
     """Return what masks or outlines of people seem to be, and the cure, such as "mirrored: exchange
     left and right"; "" if they are best as they are, or nothing is clearly better.
 
+    Masks are moved only if hardly half of them fits where they are, since those of other networks,
+    and outlines of bodies, are wider or narrower.
+
     Args:
         given_masks: (M, H, W), by a file; each of a person or of all.
         detected_masks: (N, H, W), of the people that are detected.
@@ -324,8 +328,25 @@ def turned_masks(given_masks: BoolArray, detected_masks: BoolArray) -> str:
         if masks.shape == small.shape
     }
     best = min(apart, key=apart.__getitem__)
-    is_better = apart[best] <= min(0.5, SURELY * apart[""])
-    return f"{best}: {readings[best][1]}" if best and is_better else ""
+    if best and apart[best] <= min(0.5, SURELY * apart[""]):
+        return f"{best}: {readings[best][1]}"
+    if apart[""] < 0.5:
+        return ""
+    steps = np.arange(-_FARTHEST_MOVE, _FARTHEST_MOVE + 1) / _SIDE
+    moves = list(product(steps, steps))
+    errors = [1 - float(mask_iou(_moved_masks(small, *one), people).max(1).mean()) for one in moves]
+    (right, down), error = min(zip(moves, errors, strict=True), key=lambda pair: pair[1])
+    if error > 0.5 * apart[""]:
+        return ""
+    return (
+        f"moved by {right:+.0%} to the right and {down:+.0%} down: give those of this photo, "
+        f"pixel by pixel"
+    )
+
+
+def _moved_masks(masks: BoolArray, right: float, down: float) -> BoolArray:
+    """Return masks (M, h, w) as :func:`_reprojected` moves them."""
+    return np.stack([_reprojected(mask * 1.0, 1.0, right, down) > 0 for mask in masks])
 
 
 def mask_iou(masks: BoolArray, others: BoolArray) -> FloatArray:

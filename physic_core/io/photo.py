@@ -42,6 +42,7 @@ MIN_SIDE = 64
 
 # In long sides: wider than any lens, narrower than a slip of the unit.
 _FOCAL_RANGE = (0.1, 100.0)
+_LARGEST_ASPECT = 1.5  # of pixels: more than that of any video
 _KEEP_PIXELS = 24_000_000  # larger photos are read at a half, a third, ... of their size
 _ARRAY = ImageSource("given as an array")
 _BAND_PIXELS = 4_000_000  # are converted at once: each conversion takes a copy
@@ -194,6 +195,11 @@ def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
                 f"the focal length is {focal / side:.2g} times the long side of the photo, but "
                 f"should be {smallest:g} to {largest:g} times: give it in px of the photo file"
             )
+    if max(camera.fx / camera.fy, camera.fy / camera.fx) > _LARGEST_ASPECT:
+        raise ConfigError(
+            f"the focal lengths are {camera.fx:g} and {camera.fy:g} px, but pixels are almost "
+            f"square: give those of this photo, and stretch one of an anamorphic lens first"
+        )
     if not (-0.5 <= camera.cx <= width - 0.5 and -0.5 <= camera.cy <= height - 0.5):
         raise ConfigError(
             f"the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the photo of {width} "

@@ -22,6 +22,8 @@ MASKS[1, 40:110, 70:95] = True
         (MASKS[:, ::-1, ::-1], "turned by 180 degrees"),
         (MASKS.any(0)[None], ""),
         (~MASKS.any(0)[None], "inverted"),
+        (np.roll(MASKS, 4, 2), ""),
+        (np.roll(MASKS, 14, 2), "moved by +8% to the right and +0% down"),
     ],
 )
 def test_masks_of_a_turned_picture_are_named(given, what):

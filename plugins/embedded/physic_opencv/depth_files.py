@@ -86,6 +86,7 @@ def read_phone_depth(path: Path) -> tuple[FloatArray, bool]:
 
 _NOTHING = 1e9  # and more is what renderers write where a ray hits nothing
 _LARGEST_HALF = 65504.0  # the same, as far as 16 bits can say it
+_LEAST_MEDIAN = 1e-6  # of a depth in any unit
 _FEWEST_STEPS = 20  # of a depth in whole numbers, up to the median
 _GREY = ("L", "I", "F", "I;16", "I;16L", "I;16B")
 _PATCH_PX = 14  # of DINOv2, on which depth networks are built
@@ -104,7 +105,8 @@ def read_depth(
             HEIC or JPEG photo of a phone.
         scale: metres per unit of the file.
         invalid: value of unknown pixels besides 0, NaN, infinity, 1e9 and more, and the largest
-            number of 16 bits (65504) in floating point, in units of the file; None for no other.
+            number of 16 bits (65535, or 65504 in floating point), in units of the file; None for no
+            other.
 
     Raises:
         InputError: the file cannot be read, has another format or shape, or has no known pixel.
@@ -142,10 +144,13 @@ def read_depth(
         )
     if values.dtype.kind not in "fiu":
         raise InputError(f"the depth map {path} must hold numbers, got {values.dtype}")
-    depth = values.astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a signaling NaN
+        depth = values.astype(np.float64)
     unknown = ~np.isfinite(depth) | (depth <= 0) | (depth >= _NOTHING)
     if values.dtype.kind == "f":
         unknown |= depth == _LARGEST_HALF
+    elif values.dtype == np.uint16:
+        unknown |= depth == np.iinfo(np.uint16).max
     if invalid is not None and math.isfinite(invalid):
         unknown |= depth == invalid
     if valid is not None:
@@ -162,6 +167,10 @@ def read_depth(
 def _check_steps(path: Path, depth: FloatArray) -> None:
     """Refuse known values (M,) that were rounded to few whole numbers, such as meters in 8 bits."""
     middle = float(np.median(depth))
+    if not _LEAST_MEDIAN <= middle <= 1 / _LEAST_MEDIAN:
+        raise InputError(
+            f"the depth in {path} has a median of {middle:.3g}: are its bytes in another order?"
+        )
     if depth.min() < depth.max() and middle < _FEWEST_STEPS and np.array_equal(depth, depth // 1):
         raise InputError(
             f"the depth in {path} has whole numbers alone, with a median of {middle:g}: steps of "

@@ -23,7 +23,11 @@ from physic_opencv.depth_files import (
 )
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, Hints, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, UInt8Array
+
+
+_LARGEST_RESIDUAL = 0.02  # of the long side: median distance of points from their pixels
+_FARTHEST_MIDDLE = 0.1  # of the long side: the principal point of the points from the camera's
 
 
 class DepthFileOptions(interfaces.Options):
@@ -181,7 +185,7 @@ class PointmapFile(_ResultFromFile, interfaces.RelativePointmap):
         points, valid, notes = read_pointmap(path, options.scale)
         points_here, resizing = resize_nearest(points, image.shape[0], image.shape[1], path)
         notes += resizing
-        _check_axes(path, points, valid)
+        _check_rays(path, points, valid, hints.intrinsics, has_depth=options.unknown == "scale")
         valid_here, _ = resize_nearest(valid, image.shape[0], image.shape[1], path)
         is_known = np.asarray(valid_here, np.bool_)
         if hints.hole is not None:
@@ -191,20 +195,51 @@ class PointmapFile(_ResultFromFile, interfaces.RelativePointmap):
         return Pointmap(np.asarray(points_here, np.float32), is_known, options.unknown, None, notes)
 
 
-def _check_axes(path: Path, points: FloatArray, valid: BoolArray) -> None:
-    """Refuse points (H, W, 3) whose x does not grow to the right, or whose y does not grow down.
+def _check_rays(
+    path: Path,
+    points: FloatArray,
+    valid: BoolArray,
+    camera: Intrinsics | None,
+    *,
+    has_depth: bool,
+) -> None:
+    """Refuse points (H, W, 3) that do not lie on the rays of a camera's pixels.
+
+    Args:
+        path: of their file.
+        points: of the file.
+        valid: (H, W).
+        camera: of the photo, if it is known; its principal point is in the middle otherwise.
+        has_depth: whether only the scale of the points is unknown, so that x / z and y / z grow in
+            equal steps from the principal point.
 
     Raises:
-        InputError: an axis has the other sign, or x and y are exchanged.
+        InputError: an axis has the other sign, x and y are exchanged, or the frame is another.
     """
-    middle = [(side - 1) / 2 for side in valid.shape]
-    off = np.moveaxis(np.indices(valid.shape), 0, -1) - middle  # down and right
-    x, y = (points[..., k][valid] / points[..., 2][valid] for k in (0, 1))
-    for name, values, axis in (("x", x, 1), ("y", y, 0)):
-        along = off[..., axis][valid]
-        if np.ptp(values) > 0 and np.ptp(along) > 0 and np.corrcoef(values, along)[0, 1] < 0:
+    height, width = valid.shape
+    shares = (0.5, 0.5)  # of the principal point, from the left and the top
+    if camera is not None:
+        shares = (camera.cx + 0.5) / camera.width, (camera.cy + 0.5) / camera.height
+    rows, columns = np.nonzero(valid)
+    of_x = "x", 0, columns + 0.5 - shares[0] * width
+    of_y = "y", 1, rows + 0.5 - shares[1] * height
+    for name, k, along in (of_x, of_y):
+        values = points[..., k][valid] / points[..., 2][valid]
+        if np.ptp(values) <= 0 or np.ptp(along) <= 0:
+            continue
+        values = np.clip(values, *np.percentile(values, [1, 99]))
+        slope, middle = np.polyfit(along, values, 1)
+        if slope <= 0:
             raise InputError(
                 f"in {path}, {name} falls where it should grow: points are needed in the camera's "
                 f"frame, with x to the right, y down, and z forward; as OpenGL and Blender have "
                 f"it, (x, y, z) becomes (x, -y, -z)"
+            )
+        away = np.median(np.abs(values - middle - slope * along)) / slope / max(height, width)
+        off = abs(middle) / slope / max(height, width)
+        if has_depth and (away > _LARGEST_RESIDUAL or off > _FARTHEST_MIDDLE):
+            raise InputError(
+                f"in {path}, points do not lie on the rays of the photo's pixels: {name} / z is "
+                f"{away:.0%} of the long side away from equal steps, and 0 at {off:.0%} from the "
+                f"principal point. Give points in the camera's frame, neither leveled nor moved"
             )

@@ -22,6 +22,7 @@ _PERSON = "person"
 _COCO_PERSON = "1"
 _MAX_TEXT = 100_000_000
 _FARTHEST_PX = 1e6
+_VOID = 255
 _MAX_PIXELS = 1 << 28
 
 
@@ -67,11 +68,16 @@ def _picture(path: Path) -> AnyArray:
 
 
 def _masks_of_labels(labels: AnyArray) -> BoolArray:
-    """Return a mask (N, H, W) of each label above 0."""
-    ids = np.unique(labels)
+    """Return a mask (N, H, W) of each label above 0, but not of 255 after 1, 2, ..., which data
+    sets give to borders.
+    """
+    ids = np.unique(labels).tolist()
     if len(ids) > 256:
         raise ValueError(f"it has {len(ids)} labels: is it a photo or a depth map?")
-    return np.stack([labels == one for one in ids if one > 0] or [labels > 0])
+    people = [one for one in ids if one > 0]
+    if len(people) > 1 and people == [*range(1, len(people)), _VOID]:
+        people.pop()
+    return np.stack([labels == one for one in people] or [labels > 0])
 
 
 def _masks_of_arrays(document: Any) -> BoolArray:

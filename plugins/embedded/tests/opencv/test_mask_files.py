@@ -102,6 +102,13 @@ def test_labels_of_a_picture(tmp_path, masks, largest):
     np.testing.assert_array_equal(found, masks if largest == 2 else masks[:1])
 
 
+def test_the_border_of_data_sets_is_nobody(tmp_path, masks):
+    labels = masks[0] + 2 * masks[1] * ~masks[0]
+    border = np.where(labels == 0, 255, labels).astype(np.uint8)
+    Image.fromarray(border).save(tmp_path / "a.png")
+    np.testing.assert_array_equal(read(tmp_path / "a.png").masks, [labels == 1, labels == 2])
+
+
 def test_arrays(tmp_path, masks):
     np.savez(tmp_path / "a.npz", masks=masks)
     np.testing.assert_array_equal(read(tmp_path / "a.npz").masks, masks)
