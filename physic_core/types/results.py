@@ -437,7 +437,7 @@ class Reconstruction(ShortRepr):
             "1 person" if people == 1 else f"{people} people",
             *([f"{without} without a body"] if without else []),
             f"{self.intrinsics.width} x {self.intrinsics.height}",
-            "no floor" if self.scene.floor is None else "floor found",
+            "no floor" if self.scene.floor is None else "floor detected",
             "scale of unknown error" if sigma is None else f"scale ±{100 * sigma:.0f} %",
             "1 warning" if warnings == 1 else f"{warnings or 'no'} warnings",
         )

@@ -14,7 +14,7 @@ from physic_core.types.short_repr import ShortRepr
 def test_the_repr_of_a_reconstruction_is_one_line_and_a_picture_in_notebooks(reconstruction, make):
     assert (
         repr(reconstruction)
-        == "Reconstruction(2 people, 160 x 120, floor found, scale ±7 %, 2 warnings)"
+        == "Reconstruction(2 people, 160 x 120, floor detected, scale ±7 %, 2 warnings)"
     )
     assert reconstruction._repr_html_().startswith('<img src="data:image/')
     empty = replace(make(people=0), scene=replace(reconstruction.scene, floor=None))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.body import JOINT_INDEX
 from physic_core.geometry import transform_points, world_from_camera
 from physic_core.types import main_people
 from physic_visual.palette import person_color
@@ -26,7 +27,14 @@ from physic_visual.textures.dressed import dressed_bodies
 
 if TYPE_CHECKING:
     from physic_core.geometry import RayCaster
-    from physic_core.types import Float32Array, Float64Array, Reconstruction, Scene, UInt8Array
+    from physic_core.types import (
+        Float32Array,
+        Float64Array,
+        Person,
+        Reconstruction,
+        Scene,
+        UInt8Array,
+    )
 
 
 _POINTS = 200_000  # at most
@@ -47,7 +55,7 @@ class PreviewGeometry:
         people_colors: (N * V, 3) sRGB in 0-1, those of the people's numbers.
         dress_colors: (N * V, 3) sRGB in 0-1, those of the photo, see
             :mod:`physic_visual.textures.dressed`.
-        crowns: person -> (3,) vertex that is the highest.
+        crowns: person -> (3,) vertex of the head that is the highest.
         points: (M, 3) float32 points of the scene.
         point_colors: (M, 3) float32 sRGB in 0-1.
         backdrop: (K, 3) float32 points of what is farther, see
@@ -103,10 +111,7 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
         people=dressed.caster,
         people_colors=np.concatenate([np.zeros((0, 3)), *colors]),
         dress_colors=np.concatenate([np.zeros((0, 3)), *dress]) / 255.0,
-        crowns={
-            index: vertices[(vertices @ matrix[1, :3]).argmax()]
-            for index, vertices in bodies.items()
-        },
+        crowns={index: crown(reconstruction.people[index], matrix[1, :3]) for index in bodies},
         points=points,
         point_colors=point_colors,
         backdrop=backdrop,
@@ -117,6 +122,22 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
         high=high,
         has_floor=scene.floor is not None,
     )
+
+
+def crown(person: Person, up: Float64Array) -> Float64Array:
+    """Return the highest vertex (3,) of a person's head, camera frame; a raised hand is higher.
+
+    Args:
+        person: with a body.
+        up: (3,) unit vector.
+    """
+    vertices, joints = (np.asarray(part, np.float64) for part in (person.vertices, person.joints))
+    head, neck = joints[[JOINT_INDEX["head"], JOINT_INDEX["neck"]]]
+    from_head = np.linalg.norm(vertices - head, axis=1)
+    reach = max(2 * float(np.linalg.norm(head - neck)), float(from_head.min()))
+    near = vertices[from_head <= reach]
+    highest: Float64Array = near[(near @ up).argmax()]
+    return highest
 
 
 def _cloud(scene: Scene, limit: float, stride: int) -> tuple[Float32Array, Float32Array]:
@@ -163,7 +184,7 @@ class LabeledView:
         pixels_per_metre: scale.
         floor_row: row of the floor; None if there is no floor, or in the top view.
         camera_px: column and row of the camera; None if it is outside.
-        crowns: person -> column and row of their highest vertex, of those in the picture.
+        crowns: person -> column and row of the top of the head, of those in the picture.
     """
 
     picture: UInt8Array

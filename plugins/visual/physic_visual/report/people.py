@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.body import PART_NAMES
-from physic_core.geometry import vertex_areas
+from physic_core.geometry import vertex_areas, world_from_camera
 from physic_core.types import marks_text, part_words, partner_titles
 from physic_visual.palette import contact_color, contact_colors, person_color, person_tint
 from physic_visual.rig import body_at_hand
+from physic_visual.views import crown
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -47,7 +48,8 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
         - ``body_source``: what the user gives as the body; "" for an estimated one.
         - ``camera``: distance of the pelvis from the camera, metres. ``distance_sigma``: standard
           deviation of its logarithm.
-        - ``pelvis``: (3,) metres, camera frame. ``pelvis_height``: over the floor, metres.
+        - ``pelvis``, ``crown``: (3,) metres, camera frame. ``pelvis_height``: over the floor,
+          metres.
         - ``lowest``: height of the lowest vertex over the floor, metres.
         - ``others``: ``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of the
           surfaces, metres.
@@ -70,6 +72,7 @@ def _record(
 ) -> dict[str, Any]:
     person = reconstruction.people[index]
     posed = person.has_body
+    up = world_from_camera(reconstruction.scene.level)[1, :3]
     pelvis = np.asarray(person.joints[_PELVIS], np.float64)
     body = model if posed else None
     return {
@@ -93,6 +96,7 @@ def _record(
         "camera": float(np.linalg.norm(pelvis)) if posed else None,
         "distance_sigma": reconstruction.distance_sigmas[index],
         "pelvis": pelvis.tolist() if posed else None,
+        "crown": crown(person, up).tolist() if posed else None,
         **_heights(reconstruction, person),
         "others": _others(reconstruction, index, gaps),
         "contact": None if body is None else _contact_areas_by_part(reconstruction, person, body),

@@ -11,6 +11,7 @@ import trimesh
 from numpy.testing import assert_allclose
 from PIL import Image
 
+from physic_core.body import JOINT_INDEX
 from physic_core.types import Intrinsics
 from physic_visual.palette import person_color
 from physic_visual.panels import (
@@ -24,6 +25,7 @@ from physic_visual.preview import preview_image, preview_png
 from physic_visual.render import View, prepare_meshes, render_mesh
 from physic_visual.views import (
     build_preview_geometry,
+    crown,
     side_view,
     top_view,
 )
@@ -101,6 +103,15 @@ def test_depth_runs_from_red_to_blue_and_unknown_is_grey(reconstruction):
     assert picture[119, 80, 0] > picture[119, 80, 2]  # the floor before the feet
     assert picture[68, 80, 2] > picture[68, 80, 0]  # the foot of the wall
     assert (picture[55, 105] == [190, 190, 188]).all()
+
+
+def test_a_raised_hand_is_no_crown(reconstruction):
+    person, up = reconstruction.people[0], np.array([0.0, -1.0, 0.0])
+    top = crown(person, up)
+    wrist = person.joints[JOINT_INDEX["left_wrist"]]
+    vertices = person.vertices.copy()
+    vertices[np.linalg.norm(vertices - wrist, axis=1).argmin()] = top + up
+    assert (crown(replace(person, vertices=vertices), up) == top).all()
 
 
 def test_from_the_side_people_stand_on_the_floor_line(reconstruction):

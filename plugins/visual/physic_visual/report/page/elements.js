@@ -12,6 +12,9 @@ function element(tag, properties = {}, ...children) {
   return made;
 }
 
+// Text in which no option of the command is broken between two lines.
+const withOptions = text => text.split(/(--[\w-]+)/).map((part, i) => (i % 2 ? element("code", { textContent: part }) : part));
+
 // A length and, where the deviation of its logarithm is known, its own.
 const meters = (value, sigma = null) => value === null ? "unknown"
   : `${value.toFixed(2).replace(/^-(0\.00)$/, "$1")}${sigma === null ? "" : ` ± ${(sigma * Math.abs(value)).toFixed(2)}`} m`;

@@ -31,8 +31,8 @@ class Pointer {
     const label = element("span", { className: "label number", textContent: String(index) });
     label.style.background = cssColor(this.stage.data.people[index].color);
     label.style.color = "#14171a";
-    const box = new THREE.Box3().setFromObject(this.stage.bodies[index], true), top = box.getCenter(new THREE.Vector3());
-    top.y = box.max.y + 0.1;
+    const top = new THREE.Vector3(...this.stage.data.people[index].crown).applyMatrix4(this.stage.root.matrix);
+    top.y += 0.1;
     this.labels.append(label);
     return { label, top };
   }

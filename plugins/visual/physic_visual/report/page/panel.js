@@ -26,7 +26,7 @@ function personCard(data, index) {
   const heading = element("div", { className: "row" }, element("h2", { textContent: `Person ${index}` }),
     element("span", { textContent: person.marks }));
   const checks = data.checks.filter(check => check.person === index);
-  const why = checks.some(check => check.state === "failed") ? [] : [element("p", { textContent: person.why })];
+  const why = checks.some(check => check.state === "failed") ? [] : [element("p", {}, ...withOptions(person.why))];
   card.append(heading, ...why, ...checkList(checks));
   if (!person.posed) {
     card.append(element("p", { textContent: "This person has no body: a backend returned no finite values." }));
@@ -122,12 +122,12 @@ function checkList(checks) {
 function checkRow(check) {
   const value = element("span", { className: STATE_CLASS[check.state], textContent: check.value });
   const bound = check.state === "unknown" ? null : element("span", { className: "soft", textContent: `, ${check.bound}` });
-  const why = check.message ? element("p", { textContent: check.message }) : null;
+  const why = check.message ? element("p", {}, ...withOptions(check.message)) : null;
   return element("div", { className: "check", title: check.name }, `${check.label}: `, value, bound, why);
 }
 
 function showRemarks(section, data) {
-  const list = texts => element("ul", {}, ...texts.map(text => element("li", { textContent: text })));
+  const list = texts => element("ul", {}, ...texts.map(text => element("li", {}, ...withOptions(text))));
   section.replaceChildren(...[
     data.warnings.length ? element("h2", { className: "bad", textContent: "Warnings" }) : null,
     data.warnings.length ? list(data.warnings) : null,
