@@ -306,10 +306,14 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
         share = (plain & ~np.asarray(estimates.photo.hole)).mean()
         notes.append(
             f"{share:.0%} of the photo is ground of one color, whose depth is unknown: do not "
-            "measure there, or give --depth FILE"
+            "measure there, or give --depth FILE. If it is a border or a bar, cut it off"
         )
-    joints = np.reshape([person.joints for person in people], (-1, NUM_JOINTS, 3))
-    turned = photo_seems_turned(joints, result.scene.floor)
+    poses = [person.trust_pose or 0.0 for person in people]
+    # networks invent people in a turned photo, and let the others lie on nothing
+    likely = [one for one, pose in zip(people, poses, strict=True) if pose >= max(poses) / 2]
+    joints = np.reshape([person.joints for person in likely], (-1, NUM_JOINTS, 3))
+    floating = result.scene.floor is None and all(one.posture == "lie" for one in likely)
+    turned = photo_seems_turned(joints, result.scene.floor) or (bool(likely) and floating)
     if turned and not _shows_level_floor(estimates.ground.search):
         notes.append(
             "the people do not stand upright in the photo. If it is rotated, poses, floor and "

@@ -18,7 +18,7 @@ _SEAM_STEPS = 1.6  # largest step from one edge to the other, in steps beside th
 _SEAM_SHARE = 0.45  # the same, in deviations of the colors along the edges
 _LEAST_DEVIATION = 8.0  # of 255; a plain ground continues everywhere
 _PERCENTILE = 95  # of gray levels; of 529 photos, some by night, at least 81
-_DARK = 20  # of 255; of 15 people in darkened photos, none is lost at 17, and half at 9 to 13
+_DARK = 20  # of 255; of 8 people in darkened photos, none is lost at 17 to 21, half at 9 to 13
 
 
 def photo_warnings(image: UInt8Array) -> tuple[str, ...]:

@@ -45,8 +45,8 @@ def size_notes(
         f"by all other evidence, person {i} is {_factor_text(-ratio[i])} times as tall as in the "
         f"result: this stature and distance may be wrong by that factor. "
         + (
-            f"For a child, give {size_option('--age YEARS', len(ratio))}, for a small person "
-            f"--stature METERS in the same order; leave out a figure or picture by --ignore x,y"
+            f"For a small person, give {size_option('--stature METERS', len(ratio))}, for a child "
+            f"--age YEARS likewise; leave out a figure or picture with --ignore x,y"
             if ratio[i] > 0
             else f"If you know the height, give {size_option('--stature METERS', len(ratio))}"
         )
