@@ -180,7 +180,10 @@ class PhotoSettings(StrictModel):
         "those of body_model; relative to the config file",
     )
     bodies_frame: int | None = Field(
-        default=None, ge=0, le=10_000_000, description="which picture of a film bodies has, from 0"
+        default=None,
+        ge=0,
+        le=10_000_000,
+        description="frame of a film whose bodies are used, from 0",
     )
     bodies_sigma: float | None = Field(
         default=None,

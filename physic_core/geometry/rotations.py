@@ -79,7 +79,7 @@ def check_rotations(matrices: FloatArray) -> None:
     if not off < _NOT_ORTHONORMAL or not (np.linalg.det(matrices) > 0).all():
         raise ValueError(
             f"matrices are no rotations: R R' differs from the unit matrix by up to {off:.2g}, or "
-            f"R mirrors; are they scaled, or of other numbers?"
+            f"R mirrors; are they scaled, or other than rotation matrices?"
         )
 
 

@@ -339,7 +339,7 @@ def _check_parameters(network: torch.nn.Module, read: list[Any], path: Path) -> 
             f"{text}, ...: it is the checkpoint of another network, or of another version of SAM "
             f"3D Body or of DINOv3"
         )
-    _LOG.warning("%s: these keep random numbers, so look at the bodies", text)
+    _LOG.warning("%s: these parameters are random, so compare the bodies with the photo", text)
 
 
 def _principal_point_shift(image: UInt8Array, intrinsics: Intrinsics) -> FloatArray:

@@ -100,7 +100,7 @@ class RelativePointmapOptions(MockOptions):
         1.0,
         ge=1e-6,
         le=1e6,
-        description="The unknown scale besides the drawn one: Z = s Z', Z = s Z' + t or 1 / Z = s "
+        description="Factor of the random unknown scale s: Z = s Z', Z = s Z' + t or 1 / Z = s "
         "/ Z' + t.",
     )
     shift: float | None = Field(

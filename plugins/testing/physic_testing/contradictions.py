@@ -78,9 +78,9 @@ def _of_checks(result: Reconstruction, person: Person) -> Iterator[str]:
     checks = [check for check in result.checks if check.person == index]
     failed = [check for check in checks if check.failed]
     if {check.name for check in failed} != {*person.failed_checks}:
-        yield "has other failed_checks than its checks"
+        yield "has failed_checks that contradict its checks"
     if {c.name for c in checks if c.value is None} != {*person.unknown_checks}:
-        yield "has other unknown_checks than its checks"
+        yield "has unknown_checks that contradict its checks"
     if not checks or person.trust is None:
         return
     for check in failed:
