@@ -237,8 +237,8 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     return (
         value,
         f"the least certain contact is that of the {part_words(least)}, which is {taken} "
-        f"(probability {part_probability[least]:.2f}): compare it with the photo, and leave it out "
-        "if the photo does not show it",
+        f"(probability {part_probability[least]:.2f}): compare it with the photo, and do not use "
+        "it if the photo contradicts it",
     )
 
 

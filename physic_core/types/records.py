@@ -78,7 +78,7 @@ def is_usable(probability: float | None) -> bool:
 
 
 def marks_text(marks: Mapping[str, float | None]) -> str:
-    """Return which marks of a person are usable: "place and size usable, pose doubtful".
+    """Return which marks of a person are usable: "place and size usable; pose doubtful".
 
     Args:
         marks: name of :data:`MARKS` -> probability, or None without checks.
@@ -88,7 +88,7 @@ def marks_text(marks: Mapping[str, float | None]) -> str:
         names = [n for n, p in marks.items() if p is not None and is_usable(p) is wanted]
         if names:
             parts.append(f"{in_words(names)} {word}")
-    return ", ".join(parts) or "not judged"
+    return "; ".join(parts) or "not judged"
 
 
 def usable_text(usable: Mapping[str, int], people: int) -> str:

@@ -73,7 +73,7 @@ def folder(make, tmp_path):
 def test_a_person_is_described_by_marks_contact_and_reasons(folder, physic):
     lines = physic("show", folder).stdout.splitlines()
     assert lines[1:9] == [
-        "person 0: 3.0 ± 0.2 m away, place usable, pose doubtful",
+        "person 0: 3.0 ± 0.2 m away, place usable; pose doubtful",
         "  contact: left foot: floor, 0.90; right hand: own head, 0.80; "
         "left lower leg: floor, 0.80 (assumed: hidden)",
         "  not visible: both lower legs, left foot",

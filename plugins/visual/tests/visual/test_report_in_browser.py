@@ -153,7 +153,7 @@ def test_a_click_on_a_person_shows_their_numbers(page, result):
         page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText")
         == "Person 1"
     )
-    assert "pose usable, place doubtful" in card
+    assert "pose usable; place doubtful" in card
     assert "Leans: 16° (see the side)" in card
     assert (
         metres_text(float(np.linalg.norm(result.people[1].joints[0])), result.distance_sigmas[1])
