@@ -128,8 +128,8 @@ class CodeDigester:
         packages ``physic_*`` count; of others the version, which those packages require anyway.
 
         All files count with their content, so that two installations agree. For a module outside
-        any package, the modules in the same folder count, and the files and folders that their
-        texts name.
+        any package, the modules in the same folder count, and the files that their texts name; of
+        folders that they name, names, sizes and times of the files.
 
         Returns:
             The digest. None if there is no reliable one: the class is defined in a function or an
@@ -220,6 +220,9 @@ def _read_code(files: list[Path]) -> _Code | None:
     is_declared = files[0].parent.name.startswith(_OURS)  # its distribution states requirements
     try:
         for count, path in enumerate(files):  # which grows
+            if path.is_dir():  # maybe of photos: too much to read
+                digest.update(f"{path.name} {_folder_stamp(path)};".encode())
+                continue
             if count >= _MAX_FILES:
                 digest.update(f"{path.name} {file_stamp(path.stat())};".encode())
                 continue
@@ -259,9 +262,10 @@ def _imported(source: bytes) -> set[str]:
 
 
 def _files_named_in(source: bytes, folder: Path) -> list[Path]:
-    """Return the files that a text of a module in a folder names, and those of the folders in it
-    that one names.
+    """Return the files that a text of a module in a folder names, and the folders in it, unless it
+    is one of a package, whose files all count.
     """
+    in_package = (folder / "__init__.py").is_file()
     found: list[Path] = []
     for name in sorted({name.decode() for name in _NAME.findall(source)}):
         place = os.path.join(folder, name)
@@ -269,10 +273,9 @@ def _files_named_in(source: bytes, folder: Path) -> list[Path]:
             continue
         path = Path(os.path.normpath(place))
         is_inside = folder in path.parents
-        if (is_inside or path.suffix) and path.is_file():  # not /proc/stat
+        is_file = path.is_file() and (is_inside or path.suffix)  # not /proc/stat
+        if is_file or (is_inside and not in_package and path.is_dir()):
             found.append(path)
-        elif is_inside and path.is_dir():
-            found += islice(_files_below(path), _MAX_NAMED_FILES + 1)
     return found
 
 
