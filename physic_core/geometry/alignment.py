@@ -130,7 +130,7 @@ def fit_alignment(
     model = _refine(system, best, target[:, 2], unknown, options, bounds)
     error = _relative_depth_error(source, target, model, unknown)
     inlier = error < options.tolerance
-    if not bool(inlier.any()):
+    if not inlier.any():
         return _no_alignment(unknown)
     return Alignment(
         scale=float(model[0]),
@@ -266,7 +266,7 @@ def _refine(
         A = torch.einsum("mri,mrj->ij", weighted, system.A)
         b = torch.einsum("mri,mr->i", weighted, system.b)
         step = _solve(A[None], b[None], unknown)[0]
-        if not bool(torch.isfinite(step).all()) or not bounds[0] < float(step[0]) < bounds[1]:
+        if not torch.isfinite(step).all() or not bounds[0] < float(step[0]) < bounds[1]:
             return model
         relative_change = float((step - model).abs().max() / model.abs().max())
         model = step

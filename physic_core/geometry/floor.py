@@ -182,7 +182,7 @@ def plane_at_feet(view: InverseDepthMap, up: Tensor, feet_px: Tensor) -> PlaneFi
     inverse = view.inverse[y, x].double()
     slope = -(rays @ up.to(rays))
     falls = view.valid[y, x] & (slope > 1e-3)
-    if not bool(falls.any()):
+    if not falls.any():
         return None
     plane = -up.double() * (inverse[falls] / slope[falls]).quantile(0.5)
     return plane_as_fit(view, plane, lower_inlier_shares(view, plane), "soles")
@@ -278,6 +278,6 @@ def _depth_factors_at_feet(
         visible = pixels[box]
         expected = view.rays[box][visible] @ plane.by_ray.to(view.rays)
         near = expected > 2 * view.tolerance
-        if bool(near.any()):
+        if near.any():
             factors.append(float((view.inverse[box][visible][near] / expected[near]).median()))
     return torch.tensor(factors, dtype=torch.float64)

@@ -259,7 +259,7 @@ def _refine(
             angle = float(torch.linalg.vector_norm(plane)) * _UP_SIGMA
             prior = _UP_SHARE * weight.sum() * (tolerance / angle) ** 2 * across
         refitted = weighted_plane(samples.rays, samples.inverse, weight, prior)
-        if refitted is None or not bool(_is_level(refitted, slope, up)):
+        if refitted is None or not _is_level(refitted, slope, up):
             break
         plane = refitted
     return plane
@@ -325,7 +325,7 @@ def plane_inlier_shares(
 
     def share(inliers: Tensor, among: Tensor) -> float:
         weight = samples.weight * among
-        return float((weight * inliers).sum() / weight.sum()) if bool(among.any()) else 0.0
+        return float((weight * inliers).sum() / weight.sum()) if among.any() else 0.0
 
     return share(error.abs() < tolerance, samples.candidate), share(
         error < -2 * tolerance, samples.lower

@@ -46,7 +46,7 @@ def select_people(record: _Record, rows: Any) -> _Record:
         rows: (N,) bool mask, or indices (n,), of the library of the record's arrays. A mask of all
             returns the record.
     """
-    if str(rows.dtype).endswith("bool") and bool(rows.all()):
+    if str(rows.dtype).endswith("bool") and rows.all():
         return record
     return _map_rows(record, lambda array: array[rows])
 

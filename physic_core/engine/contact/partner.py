@@ -94,7 +94,7 @@ def assign_partners(
     numbers: dict[ContactPartner, int] = {}
     for rows, partner in _partner_candidates(touched, near, regions, up, photo_touch):
         rows = rows & (index == NO_PARTNER)
-        if bool(rows.any()):
+        if rows.any():
             index[rows] = numbers.setdefault(partner, len(numbers))
     return tuple(numbers), index
 
@@ -186,7 +186,7 @@ def _surface_partners(
     """Yield the vertices (N, V) bool of each surface but the floor, numbered from the first one."""
     surfaces = near.surface
     parts = near.parts
-    if bool(on_scene.any()):
+    if on_scene.any():
         surface = parts.surface[surfaces.point]
         rests = _rests_on_scene(near.normals @ up, on_scene, regions)
         sits = torch.zeros_like(rests)

@@ -110,7 +110,7 @@ def _surface_label_of_points(
         (~is_surface & ~raised, is_surface),
         (~is_surface & raised, is_surface & ~floors),
     ):
-        if bool(hidden.any()) and bool(source.any()):
+        if hidden.any() and source.any():
             tree = search_tree(points[source])
             nearest, away = nearest_indices(tree, points[hidden], _NEIGHBOUR_M)
             label[hidden] = torch.where(away.isfinite(), named[source][nearest], -1)

@@ -69,7 +69,7 @@ class PersonContact:
     @property
     def in_air(self) -> bool:
         """Whether neither foot touches anything."""
-        return self.feet is not None and not bool(self.feet.any())
+        return self.feet is not None and not self.feet.any()
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def find_support(
         seat = level & _outer_vertices(model, "thighs", "gluteus")
         rests = _outer_vertices(model, *(("gluteus", "back") if person.lies else ("gluteus",)))
         patch = _lowest_layer(person, rests, up)
-        if assume and not bool(seat.any()) and int(patch.sum()) >= _MIN_VERTICES:
+        if assume and not seat.any() and int(patch.sum()) >= _MIN_VERTICES:
             return _hidden_support(person, patch, none if person.lies else patch, centre, up)
     hold = _overhead_hands(model, person, centre, up)
     for state, carrying in _support_candidates(contact, level & ~hold, hold):
@@ -137,7 +137,7 @@ def find_support(
             ):
                 state = SupportState.ASSUMED
             return PersonSupport(state, carrying, none, seat, outside, centre)
-    airborne = person.in_air and not bool(contact.any())
+    airborne = person.in_air and not contact.any()
     state = SupportState.AIRBORNE if airborne else SupportState.UNBALANCED
     best = PersonSupport(state, contact, none, seat, outside, centre)
     least = _BALANCE_M
@@ -220,7 +220,7 @@ def _support_candidates(
     rests = bool(level.any())
     yield SupportState.BALANCED, level
     yield SupportState.BALANCED if rests else SupportState.HANGING, level | hold
-    if rests or bool(hold.any()):
+    if rests or hold.any():
         yield SupportState.BALANCED, contact
 
 
@@ -228,10 +228,10 @@ def _hidden_supports(model: BodyModel, person: PersonContact, up: Tensor) -> Ite
     """Yield the vertices (V,) bool on each support that the photo cannot show."""
     stands = [True, True] if person.feet is None else person.feet.tolist()
     soles = [_outer_vertices(model, f"{side}_sole") for side in SIDES]
-    if not person.in_air and not bool((person.on_visible_limb & (soles[0] | soles[1])).any()):
+    if not person.in_air and not (person.on_visible_limb & (soles[0] | soles[1])).any():
         stood = torch.stack([sole & on for sole, on in zip(soles, stands, strict=True)]).any(0)
         yield _lowest_layer(person, stood, up)
-    if person.in_air and person.grips is not None and bool(person.grips.any()):
+    if person.in_air and person.grips is not None and person.grips.any():
         hands = (f"{side}_hand" for side, grips in zip(SIDES, person.grips, strict=True) if grips)
         yield _outer_vertices(model, *hands)
 
@@ -325,7 +325,7 @@ def _outer_vertices(model: BodyModel, *names: str) -> Tensor:
 def _lowest_layer(person: PersonContact, chosen: Tensor, up: Tensor) -> Tensor:
     """Return the lowest layer of the chosen vertices (V,) bool that face down."""
     chosen = chosen & (person.normals @ up < -FACES_UP)
-    if not bool(chosen.any()):
+    if not chosen.any():
         return chosen
     height = person.vertices @ up
     bottom = height[chosen].kthvalue(max(1, round(_LOWEST_SHARE * int(chosen.sum())))).values

@@ -190,7 +190,7 @@ def describe_floor(
     masks = [
         m
         for m in (evidence.mask, evidence.ground, *evidence.other_masks)
-        if m is not None and bool(m.any())
+        if m is not None and m.any()
     ]
     shares = [float(plane.inliers[mask].double().mean()) for mask in masks]
     in_mask = max(shares) > _IN_MASK_SHARE if shares else None
@@ -335,7 +335,7 @@ def _fitted_planes(
     ]
     regions += [("floor mask", other, None) for other in evidence.other_masks[:1]]
     regions += [("labels", evidence.ground, None)]
-    regions = [region for region in regions if region[1] is not None and bool(region[1].any())]
+    regions = [region for region in regions if region[1] is not None and region[1].any()]
     regions += [("lower image", None, up)]
     planes = []
     for source, mask, direction in regions:
@@ -408,7 +408,7 @@ def _heights_at_soles(
     for rows, columns, stands, real, _ in soles:
         inverse = view.inverse[rows, columns].double()
         is_known = inverse > 0
-        if bool(is_known.any()):
+        if is_known.any():
             on_plane = view.rays[rows, columns].double() @ plane
             height = float((1 - on_plane[is_known] / inverse[is_known]).median())
             heights.append((height, stands, real))

@@ -69,7 +69,7 @@ class LowSkin(NamedTuple):
             layer = self.lowest_vertices(i, up)
             height = self.vertices[i] @ up.to(self.vertices)
             top = height[layer].amax()
-            if not bool(layer[trunk].any()):
+            if not layer[trunk].any():
                 is_low[i] = [bool(height[part].amin() <= top) for part in limb_masks]
         return is_low
 

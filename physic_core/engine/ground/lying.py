@@ -175,7 +175,7 @@ def _lying_nats(rays: Tensor, inverse: Tensor, person: Background, plane: Tensor
     ends = [on[person.along < _UPPER], on[person.along > _LOWER]]
     share = min(float(end.double().mean()) if len(end) else 0.0 for end in ends)
     behind = person.body_rays @ plane
-    if not bool((behind > 0).all()):
+    if not (behind > 0).all():
         return -_MOST_NATS
     gap = min(float((behind * person.body_depth).log().abs().max()), _FAR_OFF)
     lying = (1 - _GAP_WRONG) * math.sqrt(2 / math.pi) / _GAP_LYING

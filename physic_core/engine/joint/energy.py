@@ -51,7 +51,7 @@ class JointEnergy:
         self.sampling = precompute_sampling(state, settings)
         self.variables = settings.initial_variables(self.sampling)
         weights = self.sampling.person_weights
-        self._people = None if bool((weights == 1).all()) else weights
+        self._people = None if (weights == 1).all() else weights
         self.terms = tuple(settings.terms(self.sampling, self.variables))
         if state.known is not None:  # known sizes are a part of every energy
             from physic_core.engine.joint.terms.priors import KnownSizeTerm

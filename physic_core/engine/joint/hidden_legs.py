@@ -37,7 +37,7 @@ def fold_hidden_legs(state: State) -> State:
     observed = state.observed_in_any_photo
     hidden = ~(observed[:, _KNEES] | observed[:, _ANKLES]) & ~state.is_given[:, None]
     fold = hidden & (_sole_heights(state) < -_KEPT_M)
-    if not bool(fold.any()):
+    if not fold.any():
         return state
     lower = torch.zeros_like(fold, dtype=state.transl.dtype)
     upper = torch.where(fold, _MOST_RAD, lower)

@@ -93,7 +93,7 @@ def revert_if_worse(
     variables.load(end)
     after = energy()
     better = finite_energy_per_person(after, groups) <= finite_energy_per_person(before, groups)
-    if not bool(better.all()) or not _finite_total(after) <= _finite_total(before):
+    if not better.all() or not _finite_total(after) <= _finite_total(before):
         keep_lowest_energy(energy, (end, start), groups=groups)
         after = energy()
         if not _finite_total(after) <= _finite_total(before):

@@ -195,7 +195,7 @@ def finalize_scene(estimates: Estimates, state: State, settings: SceneStageMetho
     The scene's scale is not applied.
     """
     finite = state.finite_people
-    if not settings.carve_m or not bool(finite.any()):
+    if not settings.carve_m or not finite.any():
         return state
     scene = state.scene
     bodies = state.vertices[finite] / state.unapplied_scene_scale
@@ -204,7 +204,7 @@ def finalize_scene(estimates: Estimates, state: State, settings: SceneStageMetho
     moved, still_inside = move_out_of_bodies(
         scene.points[unseen], bodies, state.model.faces, masks, settings.carve_m
     )
-    if not bool(still_inside.any()):
+    if not still_inside.any():
         return state
     points = scene.points.clone()
     points[unseen] = moved

@@ -164,7 +164,7 @@ class PlacementStageMethod:
         if self.uses_sums:
             return torch.tensor(mask.shape[::-1], dtype=torch.float64)
         corners = keypoints
-        if bool(mask.any()):
+        if mask.any():
             rows = mask.any(1).nonzero()[:, 0]
             columns = mask.any(0).nonzero()[:, 0]
             ends = [[int(columns[0]), int(rows[0])], [int(columns[-1]), int(rows[-1])]]
@@ -256,7 +256,7 @@ class PlacementStageMethod:
 
     def fit(self, person: PlacementProblem) -> Fit:
         """Place one person; a body that cannot be placed stays where it is."""
-        if not bool(torch.isfinite(person.vertices).all()):
+        if not torch.isfinite(person.vertices).all():
             lost = "the body has non-finite vertices: its translation was not changed"
             return Fit(problem=lost)
         problem = ""

@@ -157,7 +157,7 @@ def _vertices_that_may_rest(state: State, vertices: Tensor) -> list[Tensor]:
     skin = parts[:, state.model.part_of_vertex] & state.model.outer
     heights = vertices @ state.up.to(vertices)
     for i in torch.isfinite(state.rest_probability).nonzero()[:, 0].tolist():
-        if bool(skin[i].any()):
+        if skin[i].any():
             found[i] = lowest_layer(heights[i], skin[i]).nonzero()[:, 0]
     return found
 
@@ -252,7 +252,7 @@ def human_points(
     Returns:
         (M, 3) metres; M = 0 if the mask has no valid point.
     """
-    if not bool(mask.any()):
+    if not mask.any():
         return points.new_zeros((0, 3))
     box = span_of_true(mask.any(1), _MARGIN_PX), span_of_true(mask.any(0), _MARGIN_PX)
     cloud = points[box]

@@ -214,7 +214,7 @@ def _align_to_metric(
 ) -> Alignment:
     """Align the point map to the metric depth (Eq. 1); without any camera, align z only."""
     metric_valid = _positive(metric_depth)
-    if not bool(metric_valid.any()):
+    if not metric_valid.any():
         raise BackendOutputError(
             "the metric depth has no valid pixel: every depth is NaN, infinite or not positive; "
             "use another metric_depth backend, or check its notes"

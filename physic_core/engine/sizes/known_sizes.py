@@ -37,7 +37,7 @@ def point_follower(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) ->
     (3,) with z = 1: its point there is at the weighted mean depth of the nearest visible ones.
     """
     facing = facing_camera(normals, vertices, _FACING_DEG)
-    facing = facing if bool(facing.any()) else torch.ones_like(facing)
+    facing = facing if facing.any() else torch.ones_like(facing)
     away = (project(vertices, K) - project(ray[None], K)).square().sum(-1)
     away = torch.where(facing, away, torch.inf)
     nearest, ids = away.topk(min(_NEIGHBOURS, int(facing.sum())), largest=False)

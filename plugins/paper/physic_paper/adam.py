@@ -58,9 +58,7 @@ class AdamOptimiser(Optimiser):
         result = super().minimise(energy, progress, groups)
         rate = self.learning_rate
         for _ in range(_RATE_CUTS):
-            if not energy.variables.parameters() or bool(
-                energy.variables.people_changed(origin).all()
-            ):
+            if not energy.variables.parameters() or energy.variables.people_changed(origin).all():
                 break
             rate /= 10
             again = super(AdamOptimiser, replace(self, learning_rate=rate)).minimise(
@@ -84,11 +82,11 @@ def _take_steps(energy: EnergyTerms, optimiser: torch.optim.Adam | None, steps: 
     taken = 0
     for _ in range(steps):
         broken = _differentiate(energy, parameters)
-        if bool(broken.any()):
+        if broken.any():
             variables.load_people(good, broken)
             is_broken = broken if is_broken is None else is_broken | broken
             broken = _differentiate(energy, parameters)
-            if bool(broken.any()):
+            if broken.any():
                 break
         taken += 1
         good = variables.pack()
@@ -96,7 +94,7 @@ def _take_steps(energy: EnergyTerms, optimiser: torch.optim.Adam | None, steps: 
         if is_broken is not None:
             variables.load_people(good, is_broken)
     broken = _differentiate(energy, parameters)
-    if bool(broken.any()):
+    if broken.any():
         variables.load_people(good, broken)
     return BlockResult(taken + 1, taken)
 

@@ -53,7 +53,7 @@ class GridSearch(NearestPointSearch):
             at = torch.stack([new // count**2, new // count % count, new % count], -1).double()
             self._table[new] = self._nearest(self._low.double() + at / self._last * extent.double())
         index = self._table[row]
-        if not bool(inside.all()):
+        if not inside.all():
             index[~inside] = self._nearest(flat[~inside])
         return index, (places - self.points[index]).norm(dim=-1)
 

@@ -109,7 +109,7 @@ class ViewsPlacement(PlacementStageMethod):
 
     def fit(self, person: PlacementProblem) -> Fit:
         """Place one person; people of known place whom the photo does not show stay there."""
-        hidden = not bool(person.mask.any()) and bool(torch.isfinite(person.vertices).all())
+        hidden = not person.mask.any() and bool(torch.isfinite(person.vertices).all())
         return Fit() if hidden and self._is_placed(person) else super().fit(person)
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
