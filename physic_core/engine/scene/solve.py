@@ -219,7 +219,7 @@ def _align_to_metric(
             "the metric depth has no valid pixel: every depth is NaN, infinite or not positive; "
             "use another metric_depth backend, or check its notes"
         )
-    camera = cameras.metric_depth if cameras.metric_depth is not None else cameras.given
+    camera = cameras.metric_depth if cameras.metric_depth is not None else cameras.stated
     depth = torch.where(metric_valid, metric_depth, 1.0)
     if camera is not None:
         target = depth_to_pointmap(depth, camera.to(depth))
