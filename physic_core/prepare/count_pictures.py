@@ -1,5 +1,5 @@
-"""Count the pictures in a file that strips of one colour part from edge to edge, or that are of
-one size and lie side by side.
+"""Count the pictures in a file that strips of one colour part from edge to edge, or that lie side
+by side.
 
 A shrunk copy loses strips of a few pixels, so that each row and column is looked at in full. JPEG
 mixes thin strips with the pictures: what counts as an edge grows with what varies along the strip.
@@ -16,6 +16,8 @@ import numpy as np
 from physic_core.prepare.border import MOST_SAMPLES, largest_channel
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from physic_core.types import FloatArray, UInt8Array
 
 _PERCENTILE = 90
@@ -32,6 +34,8 @@ _MOST_EQUAL = 3  # pictures of one size in a row
 # Share of a line's length with a step to the next that is larger than the steps beside it: of 90
 # photos at most .30 in the middle, of 90 pairs of photos at least .57.
 _SEAM = 0.45
+_SEAM_ANYWHERE = 0.6  # the same between pictures of two sizes; a railing has more
+_PART_ANYWHERE = 0.2  # least side of such a picture, of the file's
 _JPEG_PX = 8  # side of a block, whose edges are lines, too
 _MORE_THAN_BLOCKS = 1.2
 
@@ -52,7 +56,10 @@ def _part_heights(across: UInt8Array) -> list[int]:
     sides = [stop - start for start, stop in list(pairwise(ends))[::2]]
     if min(sides) < _PART * height:
         return [height]
-    return sides if len(sides) > 1 else _equal_parts(across)
+    for parts in (sides, _equal_parts(across)):
+        if len(parts) > 1:
+            return parts
+    return _unequal_parts(across)
 
 
 def _equal_parts(across: UInt8Array) -> list[int]:
@@ -67,33 +74,56 @@ def _equal_parts(across: UInt8Array) -> list[int]:
     return [height]
 
 
-def _is_seam(across: UInt8Array, row: int) -> bool:
+def _unequal_parts(across: UInt8Array) -> list[int]:
+    """Return the number of rows of each of the pictures that meet anywhere in an image
+    (H, W, 3).
+    """
+    height = len(across)
+    shares = _shares_of_seams(_samples(across))
+    rows = (np.flatnonzero(shares > _SEAM_ANYWHERE) + 2).tolist()
+    seams = [row for row in rows if _is_seam(across, row, _SEAM_ANYWHERE)]
+    sides = [stop - start for start, stop in pairwise([0, *seams, height])]
+    return sides if min(sides) >= _PART_ANYWHERE * height else [height]
+
+
+def _samples(across: UInt8Array) -> NDArray[np.int16]:
+    return across[:, :: max(1, across.shape[1] // MOST_SAMPLES)].astype(np.int16)
+
+
+def _shares_of_seams(rows: NDArray[np.int16]) -> FloatArray:
+    """Return for each of the rows (R, C, 3) from the third to the last but one in which share of
+    the columns the step to it is larger than the steps beside.
+    """
+    steps = largest_channel(np.abs(np.diff(rows, axis=0)))
+    beside = np.maximum(steps[:-2], steps[2:])
+    shares: FloatArray = (steps[1:-1] > beside + _SAME).mean(1)
+    return shares
+
+
+def _is_seam(across: UInt8Array, row: int, least: float = _SEAM) -> bool:
     """Return whether two pictures meet before a row of an image (H, W, 3); one of a sky meets none:
     a horizon does that, too.
     """
     reach = 2 * _JPEG_PX + 2
     if not reach <= row <= len(across) - reach:
         return False
-    near = across[row - reach : row + reach, :: max(1, across.shape[1] // MOST_SAMPLES)]
-    rows = near.astype(np.int16)
+    rows = _samples(across[row - reach : row + reach])
     ends = rows[reach - 1 : reach + 1]
     color_difference = largest_channel(np.abs(ends - np.median(ends, axis=1, keepdims=True)))
     if np.percentile(color_difference, _PERCENTILE, axis=1).min() < _VARIES:
         return False
-    steps = largest_channel(np.abs(np.diff(rows, axis=0)))
-    beside = np.maximum(steps[:-2], steps[2:])
-    shares = (steps[1:-1] > beside + _SAME).mean(1)
+    shares = _shares_of_seams(rows)
     middle = reach - 2
     blocks = shares[middle % _JPEG_PX :: _JPEG_PX]
     others = np.delete(blocks, middle // _JPEG_PX)
-    return bool(shares[middle] > max(_SEAM, _MORE_THAN_BLOCKS * others.max()))
+    return bool(shares[middle] > max(least, _MORE_THAN_BLOCKS * others.max()))
 
 
 def _strips(across: UInt8Array) -> list[tuple[int, int]]:
     """Return first row, and row after the last, of the strips along the rows of an image
     (H, W, 3).
     """
-    samples = across[:, :: max(1, across.shape[1] // MOST_SAMPLES)].astype(np.int16)
+    samples = _samples(across)
     color: FloatArray = np.median(samples, axis=1).astype(np.float32)  # exact
     color_difference = largest_channel(np.abs(samples - color[:, None]))
     varies: FloatArray = np.percentile(color_difference, _PERCENTILE, axis=1)

@@ -231,8 +231,8 @@ def _largest_share(parts: BoolArray) -> float:
 
 def _several_warning(number: int) -> str:
     return (
-        f"{number} pictures in one file? A plain background separates them. Distances between "
-        "people in two pictures are meaningless: cut them apart, and run each"
+        f"{number} pictures in one file? Straight seams or a plain background separate them. "
+        "Distances between people in two pictures are meaningless: cut them apart, and run each"
     )
 
 

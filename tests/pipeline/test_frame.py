@@ -152,6 +152,14 @@ def test_pictures_between_strips_of_any_width_are_counted(gap, rows_and_columns)
         assert f"{rows * columns} pictures" in find_frame(photo).warning
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_two_pictures_of_two_sizes_are_counted(axis):
+    sheet = np.concatenate([picture(0)[:200, :400], picture(1)[:333, :400]])
+    photo = np.ascontiguousarray(sheet.swapaxes(0, axis))
+    for one in (photo, as_jpeg(photo)):
+        assert "2 pictures" in find_frame(one).warning
+
+
 def test_a_bar_that_somebody_stands_before_parts_no_pictures():
     photo = picture()
     photo[200:210] = 90
