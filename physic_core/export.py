@@ -182,7 +182,7 @@ def export_reconstruction(
         BodyModelError: the body model file cannot be used.
         PluginError: the exporter of a plugin cannot be imported, fails, or returns no files.
     """
-    exporter, folder, stem, suffix = _target(Path(path), format)
+    exporter, folder, stem, suffix = _export_target(Path(path), format)
     kind = exporter.record
     people, notes = _people(result, person, kind)
     if up is not None and up not in kind.ups:
@@ -211,12 +211,14 @@ def export_reconstruction(
     _check_names(folder, made.files, overwrite, result.photo)
     # the file that names the others comes last
     ordered = sorted(made.files, key=lambda name: name == f"{stem}{suffix}")
-    (write or _write)(folder, {name: _marked(made.files[name]) for name in ordered})
+    (write or _write_export_files)(folder, {name: _marked(made.files[name]) for name in ordered})
     paths = tuple(folder / name for name in made.files)
     return Exported(paths, (*notes, *frame.notes, *made.notes))
 
 
-def _target(path: Path, format: str | None) -> tuple[FoundRecord[ExporterRecord], Path, str, str]:
+def _export_target(
+    path: Path, format: str | None
+) -> tuple[FoundRecord[ExporterRecord], Path, str, str]:
     """Return the exporter, and folder, stem and suffix of the files.
 
     Raises:
@@ -286,7 +288,7 @@ def _options(kind: ExporterRecord, given: Mapping[str, str | bool]) -> dict[str,
     return {name: values[0] for name, values in kind.options.items()} | dict(given)
 
 
-def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+def _write_export_files(folder: Path, files: Mapping[str, bytes]) -> None:
     with atomic_write(check_writable(folder)) as temporary:
         for name, content in files.items():
             temporary(name).write_bytes(content)

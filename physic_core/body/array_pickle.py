@@ -81,7 +81,7 @@ def read_plain(data: bytes) -> Any:
         pickle.UnpicklingError: it is not a complete pickle.
     """
     try:
-        return _plain(_Unpickler(io.BytesIO(data), encoding="latin1").load())
+        return _without_placeholders(_Unpickler(io.BytesIO(data), encoding="latin1").load())
     except (UnsafePickleError, InvalidArrayError, RecursionError):
         raise
     except Exception as error:  # a pickle that is cut off or changed can fail in any way
@@ -90,18 +90,18 @@ def read_plain(data: bytes) -> Any:
         ) from error
 
 
-def _plain(value: Any) -> Any:
+def _without_placeholders(value: Any) -> Any:
     """Return a value with arrays in place of placeholders, and lists in place of object arrays."""
     if isinstance(value, _Array) and isinstance(value.state[-1], list):
-        items = [_plain(item) for item in value.state[-1]]
+        items = [_without_placeholders(item) for item in value.state[-1]]
         return items if value.state[1] else items[0]
     if isinstance(value, PickledObject):
         array = as_array(value)
         return array if array.ndim else array[()]
     if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: _without_placeholders(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_without_placeholders(item) for item in value]
     return value
 
 

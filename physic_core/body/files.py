@@ -448,14 +448,14 @@ def load_embedded() -> BodyModel:
     Raises:
         BodyModelError: the asset does not match its checksum.
     """
-    return _load(_folder())
+    return _load(_embedded_folder())
 
 
 @cache
 def _load(folder: Path) -> BodyModel:
     from physic_core.body.model import build_body_model
 
-    return build_body_model(_read(folder))
+    return build_body_model(_read_body_arrays(folder))
 
 
 def embedded_arrays() -> BodyArrays:
@@ -464,10 +464,10 @@ def embedded_arrays() -> BodyArrays:
     Raises:
         BodyModelError: the asset does not match its checksum.
     """
-    return _read(_folder())
+    return _read_body_arrays(_embedded_folder())
 
 
-def _folder() -> Path:
+def _embedded_folder() -> Path:
     """Return the folder of the asset."""
     return Path(str(files("physic_core.body")))
 
@@ -477,7 +477,7 @@ _DIGEST = "embedded.sha256"
 
 
 @cache
-def _read(folder: Path) -> BodyArrays:
+def _read_body_arrays(folder: Path) -> BodyArrays:
     data = folder.joinpath(_ASSET).read_bytes()
     wanted = folder.joinpath(_DIGEST).read_text(encoding="ascii").split()[0]
     sha256 = hashlib.sha256(data).hexdigest()

@@ -70,7 +70,7 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
             if limb == "shoulder":
                 elevation = np.degrees(np.arccos(np.clip(turn[1, 1], -1, 1)))
                 elevations[f"{side}_shoulder_elevation"] = float(elevation)
-    zxy = _angles(np.stack([turn for *_, turn in rotations]))
+    zxy = _joint_angles_of(np.stack([turn for *_, turn in rotations]))
     angles = {
         name: sign * angle
         for (names, signs, _), row in zip(rotations, zxy.tolist(), strict=True)
@@ -103,7 +103,7 @@ def joints_of_parts(parts: tuple[str, ...]) -> tuple[str, ...]:
     )
 
 
-def _angles(turns: Float64Array) -> Float64Array:
+def _joint_angles_of(turns: Float64Array) -> Float64Array:
     """Return the angles (n, 3) about z, x and y of rotations (n, 3, 3) = Rz Rx Ry, degrees; NaN of
     rotations that are not finite.
     """

@@ -64,15 +64,17 @@ class Digester:
             TypeError: a value has another type.
         """
         hasher = hashlib.blake2b(digest_size=_BYTES)
-        self._feed(hasher, values)
+        self._update_hash(hasher, values)
         return hasher.hexdigest()
 
-    def _feed(self, hasher: Any, value: Any) -> None:
+    def _update_hash(self, hasher: Any, value: Any) -> None:
         """Add type, length and content of a value to a hash."""
         import numpy as np  # imported here, since looking up the hash of a file does not need it
 
         if isinstance(value, np.ndarray):
-            hasher.update(f"array {value.dtype.str} {value.shape};".encode() + self._array(value))
+            hasher.update(
+                f"array {value.dtype.str} {value.shape};".encode() + self._array_bytes(value)
+            )
         elif value is None or isinstance(value, bool | int | float | np.generic):
             text = repr(value)
             hasher.update(f"number {len(text)} {text};".encode())
@@ -84,20 +86,20 @@ class Digester:
                 field.name: getattr(value, field.name) for field in fields(value) if field.init
             }
             hasher.update(f"dataclass {type(value).__name__};".encode())
-            self._feed(hasher, parts)
+            self._update_hash(hasher, parts)
         elif isinstance(value, Mapping):
             hasher.update(f"mapping {len(value)};".encode())
             for key in sorted(value):
-                self._feed(hasher, key)
-                self._feed(hasher, value[key])
+                self._update_hash(hasher, key)
+                self._update_hash(hasher, value[key])
         elif isinstance(value, tuple | list):
             hasher.update(f"sequence {len(value)};".encode())
             for item in value:
-                self._feed(hasher, item)
+                self._update_hash(hasher, item)
         else:
             raise TypeError(f"{type(value).__name__} has no digest.")
 
-    def _array(self, array: AnyArray) -> bytes:
+    def _array_bytes(self, array: AnyArray) -> bytes:
         import numpy as np
 
         remembered = self._arrays.get(id(array))
@@ -119,8 +121,8 @@ class CodeDigester:
     """
 
     def __init__(self) -> None:
-        self._files: dict[Path, list[Path]] = {}
-        self._read: dict[Path, _Code | None] = {}
+        self._code_files: dict[Path, list[Path]] = {}
+        self._read_sha256: dict[Path, _Code | None] = {}
 
     def digest(self, kind: type) -> str | None:
         """Compute the digest of the packages that define a class and its bases, and of all that
@@ -166,13 +168,13 @@ class CodeDigester:
 
     def _module(self, module: Path) -> _Code | None:
         package = _package(module)
-        if package not in self._files:
-            self._files[package] = _files(package)
-        files = self._files[package]
+        if package not in self._code_files:
+            self._code_files[package] = _code_files(package)
+        files = self._code_files[package]
         place = package if files else module
-        if place not in self._read:
-            self._read[place] = _read_code(files or [module])
-        return self._read[place]
+        if place not in self._read_sha256:
+            self._read_sha256[place] = _read_code(files or [module])
+        return self._read_sha256[place]
 
 
 def _package(module: Path) -> Path:
@@ -185,7 +187,7 @@ def _package(module: Path) -> Path:
     return root
 
 
-def _files(root: Path) -> list[Path]:
+def _code_files(root: Path) -> list[Path]:
     """Return the files of a package; the modules of a folder that is not a package."""
     if not (root / "__init__.py").is_file():
         return sorted(path for path in root.iterdir() if path.suffix in _MODULES and path.is_file())
@@ -331,12 +333,12 @@ def remembered_sha256(path: Path) -> str:
         status = os.fstat(file.fileno())
         stamp = f"{status.st_dev} {file_stamp(status)}"
         name = hashlib.sha256(f"{path.resolve()} {stamp}".encode()).hexdigest()[:32]
-        digest = _known.get(name) or _read(name)
+        digest = _known.get(name) or _read_sha256(name)
         if digest is None:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
             if status.st_ctime_ns < time.time_ns() - _CLOCK_NS:
                 _known[name] = digest
-                _write(name, digest)
+                _write_sha256(name, digest)
     return digest
 
 
@@ -374,7 +376,7 @@ def _folder_stamp(folder: Path) -> str:
     return digest.hexdigest()
 
 
-def _read(name: str) -> str | None:
+def _read_sha256(name: str) -> str | None:
     kept = claimed_cache("hashes")
     if kept is None:
         return None
@@ -390,7 +392,7 @@ _MAX_BYTES = 1 << 16
 """All kept hashes have at most this size, which is 1000 files."""
 
 
-def _write(name: str, sha256: str) -> None:
+def _write_sha256(name: str, sha256: str) -> None:
     kept = claimed_cache("hashes")
     with suppress(OSError, OutputError):  # it can be computed again
         if kept is not None:

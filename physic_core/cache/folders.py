@@ -171,7 +171,7 @@ def claim_folder(folder: Path | None) -> Path | None:
     if sys.platform == "win32" or not os.path.exists(folder):
         return folder
     if folder.stat().st_uid != os.geteuid():
-        _warn(
+        _warn_of_cache(
             f"the cache in {folder.parent} is not used, since it belongs to another user: {_ADVICE}"
         )
         return None
@@ -179,13 +179,13 @@ def claim_folder(folder: Path | None) -> Path | None:
         with suppress(OSError):  # the next line finds out
             folder.chmod(stat.S_IRWXU)
         if folder.stat().st_mode & _OTHERS_WRITE:
-            _warn(
+            _warn_of_cache(
                 f"the cache in {folder.parent} is not used, since others can write to it: {_ADVICE}"
             )
             return None
         for _, suffix in CACHES.values():
             LruFolder(folder, suffix).clear()
-        _warn(
+        _warn_of_cache(
             f"others could write to the cache in {folder.parent}: now only you can, and its "
             f"content was discarded"
         )
@@ -211,6 +211,6 @@ def belongs_to_user(path: Path) -> bool:
 
 
 @cache
-def _warn(message: str) -> None:
+def _warn_of_cache(message: str) -> None:
     """Log a warning once in a process."""
     logging.getLogger(__name__).warning(message)

@@ -35,7 +35,9 @@ def plugins_table(interface: str | None = None) -> str:
     """
     rows = [("interface", "backend", "plugin", "version", "state")]
     for one in list_backends(interface):
-        rows.append((one.interface, one.name, one.distribution, one.version or "-", _state(one)))
+        rows.append(
+            (one.interface, one.name, one.distribution, one.version or "-", _offer_state(one))
+        )
     broken = broken_plugins()
     lines = [format_table(rows)]
     if len(rows) == 1:
@@ -55,7 +57,7 @@ def plugins_table(interface: str | None = None) -> str:
     return "\n".join(filter(None, lines))
 
 
-def _state(offer: Offer) -> str:
+def _offer_state(offer: Offer) -> str:
     """Return "ready", or what a backend with default options needs as far as manifests of weights
     tell.
     """
@@ -85,7 +87,7 @@ def describe_backend(offer: Offer) -> str:
         lines.append(f"  {summary_of(kind)}")
         facts += [
             *_weights(offer, kind),
-            ("status", _status(kind)),
+            ("status", _availability(kind)),
             ("source", inspect.getsourcefile(kind) or ""),
         ]
         options = _options(kind.Options)
@@ -99,7 +101,7 @@ def describe_backend(offer: Offer) -> str:
     return "\n".join([*lines, *(f"  {label:<10}{text}" for label, text in facts if text), *options])
 
 
-def _status(kind: type[Backend]) -> str:
+def _availability(kind: type[Backend]) -> str:
     """Return what a backend with default options says is missing."""
     with named_plugin_code("it cannot be constructed", kind):
         backend = kind()

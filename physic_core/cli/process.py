@@ -27,7 +27,7 @@ def main_of_process() -> None:
     gc.set_threshold(GC_THRESHOLD)
     code = 1
     # Registered before any other function, and so called after all of them.
-    atexit.register(lambda: _end(code))
+    atexit.register(lambda: _exit_process(code))
     try:
         main(prog_name="physic")
     except SystemExit as end:
@@ -48,7 +48,7 @@ def _open_closed_streams() -> None:
             setattr(sys, name, stream)
 
 
-def _end(code: int) -> None:
+def _exit_process(code: int) -> None:
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):  # the reader is gone, or the stream is closed
             stream.flush()

@@ -154,7 +154,7 @@ def environment_layers(environment: Mapping[str, str]) -> list[SettingsLayer]:
     )
     keys = {name: name.removeprefix(_VARIABLE_PREFIX).lower().replace("__", ".") for name in names}
     return [
-        (name, _assignment(key, environment[name], f"the variable {name}"))
+        (name, _override_table(key, environment[name], f"the variable {name}"))
         for name, key in keys.items()
     ]
 
@@ -173,7 +173,7 @@ def override_layers(overrides: Sequence[str]) -> list[SettingsLayer]:
             raise ConfigError(
                 f"--set needs KEY=VALUE such as inpainter.backend=telea (got '{text}')"
             )
-        table = _assignment(key, value, f"--set {text}")
+        table = _override_table(key, value, f"--set {text}")
         _complete_paths(table, Path())
         layers.append(("--set", table))
     return layers
@@ -189,7 +189,7 @@ def merge_layers(layers: Iterable[SettingsLayer]) -> tuple[dict[str, Any], dict[
     merged: dict[str, Any] = {}
     sources: dict[str, str] = {}
     for label, table in layers:
-        _merge(merged, table, label, sources, "")
+        _merge_table(merged, table, label, sources, "")
     return merged, sources
 
 
@@ -206,7 +206,7 @@ def source_of(sources: Mapping[str, str], path: str, default: str = "default") -
     return next((sources[place] for place in places if place in sources), default)
 
 
-def _merge(
+def _merge_table(
     base: dict[str, Any],
     layer: Mapping[str, Any],
     label: str,
@@ -226,7 +226,7 @@ def _merge(
         if isinstance(value, Mapping):
             if not isinstance(base.get(key), dict):
                 base[key] = {}
-            _merge(base[key], value, label, sources, path)
+            _merge_table(base[key], value, label, sources, path)
             sources[f"{path}."] = label
         else:
             base[key] = value
@@ -244,7 +244,7 @@ def _same_backend(name: Any, before: Any) -> bool:
     return bare == bare_before and not (owner and owner_before)
 
 
-def _assignment(key: str, value: str, title: str) -> dict[str, Any]:
+def _override_table(key: str, value: str, title: str) -> dict[str, Any]:
     """Return the nested tables of one value at a dotted path; the value is TOML, or a string
     without quotes.
     """

@@ -67,13 +67,13 @@ class _StrictTable(StrictModel):
     model_config = ConfigDict(strict=True)
 
 
-def _absolute(path: str) -> str:
+def _absolute_path(path: str) -> str:
     if problem := path_problem(path):
         raise ValueError(problem)
     return os.path.abspath(os.path.expanduser(path))
 
 
-_FilePath = Annotated[str, AfterValidator(_absolute)] | None
+_FilePath = Annotated[str, AfterValidator(_absolute_path)] | None
 
 
 class BackendChoice(StrictModel):

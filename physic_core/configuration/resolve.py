@@ -123,7 +123,8 @@ def resolve(
     }
     choices = {name: config.choice(name) for name in INTERFACES if name not in instances}
     constructed = {
-        name: _construct(*one) for name, one in _select(choices, config.source).items()
+        name: _construct_backend(*one)
+        for name, one in _choose_backends(choices, config.source).items()
     } | instances
     config = config.with_backends(
         {n: (one.provenance.backend, one.provenance.options) for n, one in instances.items()}
@@ -153,7 +154,9 @@ def resolve_one(interface: str, name: str, options: Mapping[str, object]) -> Res
         names = ", ".join(offer.name for offer in list_backends(interface))
         raise ConfigError(f"load_backend: name a backend of {interface}, one of {names}")
     choice = BackendChoice(backend=name, options=dict(options))
-    resolved = _construct(*_select({interface: choice}, lambda _: "load_backend")[interface])
+    resolved = _construct_backend(
+        *_choose_backends({interface: choice}, lambda _: "load_backend")[interface]
+    )
     if texts := missing_requirements(resolved.backend):
         raise WeightsMissingError(
             format_missing([f"{resolved.title}: {text}" for text in texts], "")
@@ -275,14 +278,14 @@ def _given_in_python(interface: str, given: object) -> ResolvedBackend:
     if isinstance(given, INTERFACES[interface]):
         return _resolved(offer, given, cacheable=False)
     try:
-        return _construct(offer, kind, kind.Options())
+        return _construct_backend(offer, kind, kind.Options())
     except ValidationError as error:
         raise ConfigError(
             f"backends['{interface}']: {name} has options without a default: give an instance"
         ) from error
 
 
-def _select(
+def _choose_backends(
     choices: Mapping[str, BackendChoice], source: Callable[[str], str]
 ) -> dict[str, _Chosen]:
     """Import the chosen backend of each interface, and check its options.
@@ -319,7 +322,7 @@ def _select(
     return chosen
 
 
-def _construct(offer: Offer, kind: type[Backend], options: Options) -> ResolvedBackend:
+def _construct_backend(offer: Offer, kind: type[Backend], options: Options) -> ResolvedBackend:
     with (
         restored_process_state() as changes,
         named_plugin_code(f"{offer} cannot be constructed", kind),

@@ -78,7 +78,7 @@ def installed_offers(group: str = "") -> tuple[Offer, ...]:
     names.
     """
     asked = restricted_to()
-    offers = _read_entry_points(_folders())
+    offers = _read_entry_points(_import_folders())
     return tuple(
         offer
         for offer in offers
@@ -143,14 +143,14 @@ def core_version() -> str:
 
 def distributions_of(package: str) -> list[str]:
     """Return the names of the installed distributions that have a top-level package."""
-    return _owners(_folders()).get(package, [])
+    return _owners(_import_folders()).get(package, [])
 
 
 def versions_of(package: str) -> list[str]:
     """Return the versions of the installed distributions that have a top-level package, with a
     digest of the files of those that do not come from an index.
     """
-    return list(_versions_of(package, _folders()))
+    return list(_versions_of(package, _import_folders()))
 
 
 @lru_cache(maxsize=1024)
@@ -177,7 +177,7 @@ def required_versions(distribution: str) -> dict[str, str]:
     """Return the installed versions of a distribution's requirements by name, as
     :func:`versions_of`; extras are ignored.
     """
-    return dict(_read_versions(distribution, _folders()))
+    return dict(_read_versions(distribution, _import_folders()))
 
 
 @lru_cache(maxsize=64)
@@ -195,7 +195,7 @@ def _read_versions(
     return tuple(versions.items())
 
 
-def _folders() -> tuple[tuple[str, float], ...]:
+def _import_folders() -> tuple[tuple[str, float], ...]:
     """Return the folders that distributions are searched in, and when each was changed."""
     return tuple((folder, os.stat(folder).st_mtime) for folder in sys.path if os.path.isdir(folder))
 

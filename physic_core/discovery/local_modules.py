@@ -41,7 +41,9 @@ def with_folder(name: str, folder: Path) -> str:
     if not TARGET.fullmatch(target):
         return name
     folder_path = (folder / os.path.expanduser(name_folder) if name_folder else folder).absolute()
-    held = name_folder is not None or _file(folder_path, target.partition(":")[0]) is not None
+    held = (
+        name_folder is not None or _module_file(folder_path, target.partition(":")[0]) is not None
+    )
     return f"{folder_path.as_posix().removesuffix('/')}/{target}" if held else name
 
 
@@ -61,10 +63,10 @@ def load_module(folder: Path, name: str) -> ModuleType:
         ImportError: another module of this name is installed, or was loaded from another folder.
         Exception: raised by the module.
     """
-    if _file(folder, name) is None:
+    if _module_file(folder, name) is None:
         raise ModuleNotFoundError(f"there is no {name.replace('.', '/')}.py in {folder}")
     top = name.partition(".")[0]
-    file = _file(folder, top) or folder / top
+    file = _module_file(folder, top) or folder / top
     with _lock:
         taken = _installed_spec(top)
         if taken is not None and file.resolve() not in _folders_of_spec(taken):
@@ -76,7 +78,7 @@ def load_module(folder: Path, name: str) -> ModuleType:
         return importlib.import_module(name)
 
 
-def _file(folder: Path, name: str) -> Path | None:
+def _module_file(folder: Path, name: str) -> Path | None:
     path = folder.joinpath(*name.split("."))
     # Unlike Path.is_file, os.path.isfile is False also for a name that no file can have.
     return next(

@@ -243,7 +243,7 @@ def compare_silhouettes(
         depth = _depth_of_body(body, faces, K, size)
         rim = max(1, round(_RIM * math.sqrt(float(mask.sum()))))
         visible = torch.isfinite(depth) & (mask | ~masks.any(0)) & ~(scene < depth - _IN_FRONT_M)
-        inside = _share(visible & dilate_square(mask, rim), visible & mask.any())
+        inside = _area_share(visible & dilate_square(mask, rim), visible & mask.any())
         shares.append((inside, _low_depth_ratio(depth, mask, photo)))
     return shares
 
@@ -267,6 +267,6 @@ def _low_depth_ratio(depth: Tensor, mask: Tensor, photo_depth: Tensor) -> float 
     return float(ratio.median()) if len(ratio) >= FEWEST_PIXELS else None
 
 
-def _share(part: Tensor, surface: Tensor) -> float | None:
+def _area_share(part: Tensor, surface: Tensor) -> float | None:
     total = float(surface.sum())
     return float(part.sum()) / total if total > 0 else None

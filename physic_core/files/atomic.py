@@ -131,7 +131,7 @@ def atomic_write(folder: Path, *, lock: bool = True) -> Iterator[AtomicWrite]:
             finally:
                 write.clean()
                 if is_locked:  # else the files can be of another process that writes now
-                    _clean(folder)
+                    _remove_incomplete(folder)
     except OSError as error:
         raise refusal(folder, error) from error
 
@@ -195,7 +195,7 @@ def _lock(file: int, folder: Path) -> bool:
         else:
             return True
         if waited >= LOCK_WAIT_S:
-            why = f"{_holder(file)} has been writing there for {LOCK_WAIT_S:.0f} s"
+            why = f"{_lock_holder(file)} has been writing there for {LOCK_WAIT_S:.0f} s"
             raise TimeoutError(errno.ETIMEDOUT, why, str(folder))
         if is_silent and waited >= _SILENT_S:
             is_silent = False
@@ -203,12 +203,12 @@ def _lock(file: int, folder: Path) -> bool:
                 "%s: waiting up to %.0f s for %s, which writes there",
                 folder,
                 LOCK_WAIT_S,
-                _holder(file),
+                _lock_holder(file),
             )
         time.sleep(_POLL_S)
 
 
-def _holder(file: int) -> str:
+def _lock_holder(file: int) -> str:
     """Return who has locked an open folder, as far as this machine knows."""
     with suppress(OSError):
         status = os.fstat(file)
@@ -222,7 +222,7 @@ def _holder(file: int) -> str:
     return "another process"
 
 
-def _clean(folder: Path) -> None:
+def _remove_incomplete(folder: Path) -> None:
     """Delete temporary files that a process left when it was killed."""
     with os.scandir(folder) as entries:
         for entry in entries:

@@ -274,11 +274,11 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
     """
     with source.open() as file:
         start = file.read(_TAR + 5)
-        kind = _kind(start)
+        kind = _image_format(start)
         if _is_raw(start) or (kind in (None, "TIFF") and source.suffix in _RAW_SUFFIXES):
             raise source.raw_error()
         if kind is None:
-            what = _kind_not_read(start)
+            what = _unsupported_format(start)
             raise InputError(
                 f"cannot read the {source}: it is not an image of a kind that is read, but {what}: "
                 f"unpack it, or save a picture of it as {source.formats}"
@@ -375,7 +375,7 @@ def _is_raw(start: bytes) -> bool:
     )
 
 
-def _kind_not_read(start: bytes) -> str:
+def _unsupported_format(start: bytes) -> str:
     """Return the kind of a file that is not read, by its first bytes; "" for an unknown one."""
     if start[4:8] == b"ftyp" and start[8:12] in _VIDEO_BRANDS:
         return "a video"
@@ -384,7 +384,7 @@ def _kind_not_read(start: bytes) -> str:
     return next((kind for first, kind in _NOT_READ.items() if start.startswith(first)), "")
 
 
-def _kind(start: bytes) -> str | None:
+def _image_format(start: bytes) -> str | None:
     """Return Pillow's name of the format, by the first bytes of a file; None if not known."""
     if start[:4] == b"RIFF" and start[8:12] == b"WEBP":
         return "WEBP"

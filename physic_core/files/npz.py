@@ -69,7 +69,9 @@ def read_headers(stream: IO[bytes], names: Iterable[str] | None = None) -> dict[
         KeyError: an array in ``names`` is missing.
     """
     with zipfile.ZipFile(stream) as archive:
-        return {name: _header(archive, entry) for name, entry in _entries(archive, names).items()}
+        return {
+            name: _array_header(archive, entry) for name, entry in _entries(archive, names).items()
+        }
 
 
 def read_arrays(
@@ -136,7 +138,7 @@ def _entries(archive: zipfile.ZipFile, names: Iterable[str] | None) -> dict[str,
     return entries if names is None else {name: entries[name] for name in names}
 
 
-def _header(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> ArrayHeader:
+def _array_header(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> ArrayHeader:
     with archive.open(entry) as member:
         return _parse_header(member, entry.file_size)
 
@@ -163,7 +165,7 @@ def _parse_header(member: IO[bytes], size: int) -> ArrayHeader:
 
 def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> AnyArray:
     # the data end where the member ends, at which zipfile compares the checksum
-    _header(archive, entry)
+    _array_header(archive, entry)
     with archive.open(entry) as member, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # as in _parse_header
         array: AnyArray = npy.read_array(member, allow_pickle=False)

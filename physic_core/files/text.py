@@ -86,7 +86,7 @@ def csv_writer(file: TextIO, columns: Sequence[str]) -> Callable[[Mapping[str, A
     writer = csv.writer(file)
     writer.writerow(columns)
     return lambda row: writer.writerow(
-        [_cell(value) if isinstance(value, str) else value for value in map(row.get, columns)]
+        [_csv_cell(value) if isinstance(value, str) else value for value in map(row.get, columns)]
     )
 
 
@@ -133,7 +133,7 @@ def _check_columns(columns: list[str], needed: Sequence[str], others: Sequence[s
         )
 
 
-def _cell(value: str) -> str:
+def _csv_cell(value: str) -> str:
     # Bytes of a file's name that are not UTF-8 are written as in the journal of a batch: \udcff.
     value = value.encode("utf-8", "backslashreplace").decode()
     return f"'{value}" if value.startswith(_QUOTED) else value
@@ -217,13 +217,13 @@ def parse_toml(text: str) -> dict[str, Any]:
 def _not_too_deep(value: Any) -> Any:
     level = [value]
     for _ in range(_MAX_DEPTH):
-        level = [item for one in level for item in _items(one)]
+        level = [item for one in level for item in _child_values(one)]
         if not level:
             return value
     raise ValueError(_TOO_DEEP)
 
 
-def _items(value: Any) -> Iterable[Any]:
+def _child_values(value: Any) -> Iterable[Any]:
     """Return what a JSON object or array holds; nothing for other values."""
     if isinstance(value, dict):
         return value.values()

@@ -124,10 +124,10 @@ def fit_alignment(
     weights = weights / weights.sum()
     system = _linear_system(source, target, weights, unknown, options.axes)
     bounds = _scale_bounds(source[:, 2], target[:, 2], unknown)
-    best = _ransac(system, unknown, options, bounds, generator)
+    best = _ransac_alignment(system, unknown, options, bounds, generator)
     if best is None:
         return _no_alignment(unknown)
-    model = _refine(system, best, target[:, 2], unknown, options, bounds)
+    model = _refine_alignment(system, best, target[:, 2], unknown, options, bounds)
     error = _relative_depth_error(source, target, model, unknown)
     inlier = error < options.tolerance
     if not inlier.any():
@@ -214,7 +214,7 @@ def _scale_bounds(source: Tensor, target: Tensor, unknown: AffineAmbiguity) -> t
     return ratio / _SPREAD_RATIO, ratio * _SPREAD_RATIO
 
 
-def _ransac(
+def _ransac_alignment(
     system: _LinearSystem,
     unknown: AffineAmbiguity,
     options: AlignmentOptions,
@@ -231,7 +231,7 @@ def _ransac(
     picks = drawn.view(options.hypotheses, size)
     A = system.A[picks].flatten(1, 2)
     b = system.b[picks].flatten(1, 2)
-    models = _solve(A.mT @ A, (A.mT @ b[..., None])[..., 0], unknown)
+    models = _solve_least_squares(A.mT @ A, (A.mT @ b[..., None])[..., 0], unknown)
     models = models[
         torch.isfinite(models).all(-1) & (models[:, 0] > bounds[0]) & (models[:, 0] < bounds[1])
     ]
@@ -243,7 +243,7 @@ def _ransac(
     return models[best] if float(cost[best]) < float(scored.weight.sum()) * (1 - 1e-9) else None
 
 
-def _refine(
+def _refine_alignment(
     system: _LinearSystem,
     model: Tensor,
     depth: Tensor,
@@ -265,7 +265,7 @@ def _refine(
         weighted = system.A * weight[:, None, None]
         A = torch.einsum("mri,mrj->ij", weighted, system.A)
         b = torch.einsum("mri,mr->i", weighted, system.b)
-        step = _solve(A[None], b[None], unknown)[0]
+        step = _solve_least_squares(A[None], b[None], unknown)[0]
         if not torch.isfinite(step).all() or not bounds[0] < float(step[0]) < bounds[1]:
             return model
         relative_change = float((step - model).abs().max() / model.abs().max())
@@ -275,7 +275,7 @@ def _refine(
     return model
 
 
-def _solve(A: Tensor, b: Tensor, unknown: AffineAmbiguity) -> Tensor:
+def _solve_least_squares(A: Tensor, b: Tensor, unknown: AffineAmbiguity) -> Tensor:
     """Solve normal equations (G, 2, 2); NaN for a singular one, and t = 0 for "scale"."""
     if unknown == "scale":
         s = b[:, 0] / A[:, 0, 0]

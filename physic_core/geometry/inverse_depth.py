@@ -194,7 +194,7 @@ def fit_plane(
             _score(samples, planes, tolerance, some).topk(min(_FINALISTS, len(planes))).indices
         ]
     best = _score(samples, planes, tolerance, counted.nonzero()[:, 0]).argmax()
-    return _refine(samples, planes[best], tolerance, slope, up)
+    return _refine_plane(samples, planes[best], tolerance, slope, up)
 
 
 def _draw_planes(
@@ -245,7 +245,7 @@ def _is_level(planes: Tensor, slope: float, up: Tensor | None) -> Tensor:
     return level & (planes[..., 1] > slope)
 
 
-def _refine(
+def _refine_plane(
     samples: BlockMeans, plane: Tensor, tolerance: float, slope: float, up: Tensor | None
 ) -> Tensor:
     for _ in range(_REFITS):

@@ -85,7 +85,7 @@ class RayCaster:
         """Return the first hits of rays with origins (n, 3) or (3,) and directions (n, 3) of any
         length.
         """
-        start, direction = _rays(origins, directions)
+        start, direction = _as_rays(origins, directions)
         if self._tree is not None:
             face, distance, uv = self._tree.first(start, direction)
         else:
@@ -104,7 +104,7 @@ class RayCaster:
         """Return the first face on each ray, (n,) int64, -1 without a hit: as :meth:`first`,
         faster.
         """
-        start, direction = _rays(origins, directions)
+        start, direction = _as_rays(origins, directions)
         if self._tree is not None:
             return self._tree.first(start, direction)[0]
         face: Int64Array = self._run(start, direction).astype(np.int64)
@@ -140,7 +140,7 @@ class RayCaster:
         return np.where(np.abs(exact - coarse) <= 1e-3 * (1e-2 + np.abs(coarse)), exact, coarse)
 
 
-def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Float64Array, Float64Array]:
+def _as_rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Float64Array, Float64Array]:
     direction = np.asarray(directions, np.float64)
     return np.broadcast_to(np.asarray(origins, np.float64), direction.shape), direction
 

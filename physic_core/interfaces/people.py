@@ -170,7 +170,7 @@ def _check_boxes_of_masks(boxes: FloatArray, masks: BoolArray) -> Iterator[str]:
     import numpy as np
 
     height, width = masks.shape[1:]
-    spans = np.array([_span(mask) for mask in masks])
+    spans = np.array([_mask_box(mask) for mask in masks])
     corner, rest = boxes[:, :2], boxes[:, 2:]
     notations = {
         "x, y, width, height": np.hstack([corner, corner + rest]),
@@ -192,7 +192,7 @@ def _check_boxes_of_masks(boxes: FloatArray, masks: BoolArray) -> Iterator[str]:
         )
 
 
-def _span(mask: BoolArray) -> list[int]:
+def _mask_box(mask: BoolArray) -> list[int]:
     """Return the tight box x0 y0 x1 y1 of a mask."""
     import numpy as np
 

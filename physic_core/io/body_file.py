@@ -241,8 +241,8 @@ def _physic_bodies(arrays: Mapping[str, Any], file: FileOfPhoto) -> GivenBodies:
         Bodies(parameters, str(arrays["body_model"])),
         file.path.name,
         camera,
-        sigma_m=_sigma(arrays, "sigma_m", _OWN_SIGMA_M),
-        distance_sigma=_sigma(arrays, "distance_sigma", _OWN_DISTANCE_SIGMA),
+        sigma_m=_stored_sigma(arrays, "sigma_m", _OWN_SIGMA_M),
+        distance_sigma=_stored_sigma(arrays, "distance_sigma", _OWN_DISTANCE_SIGMA),
     )
     if (width, height) == file.size:
         return given_bodies
@@ -250,7 +250,7 @@ def _physic_bodies(arrays: Mapping[str, Any], file: FileOfPhoto) -> GivenBodies:
     return given_bodies.moved(lambda pixels: (pixels + 0.5) * factors - 0.5)
 
 
-def _sigma(arrays: Mapping[str, Any], name: str, usual: float) -> float:
+def _stored_sigma(arrays: Mapping[str, Any], name: str, usual: float) -> float:
     value = float(arrays.get(name, usual))
     if not value > 0:
         raise ValueError(f"{name} must be above 0, got {value}")

@@ -97,7 +97,7 @@ def intrinsics_from_exif(
         The intrinsics, or None if the tags do not determine them; and notes on a focal length that
         was ignored, zoomed or is not known exactly.
     """
-    zoom = _zoom(tags)
+    zoom = _digital_zoom(tags)
     plane = _plane_focal(tags, zoom)
     equivalent = positive_number(tags.get(_FOCAL_LENGTH_35MM))
     if equivalent:
@@ -127,7 +127,7 @@ def intrinsics_from_exif(
     if zoom != 1:
         notes.append(f"the focal length is that of the photo with its digital zoom of {zoom:g}")
     is_as_taken = not encoded_anew and _MAKER_NOTE in tags and not _was_changed(tags)
-    shows_whole = thumbnail is not None or all(_size(tags, _OF_CAMERA))
+    shows_whole = thumbnail is not None or all(_tag_numbers(tags, _OF_CAMERA))
     if not (other or (is_as_taken and shows_whole)):
         camera = replace(camera, trust=CameraTrust.ESTIMATED, focal_sigma=_ONE_TAG_SIGMA)
         notes.append(
@@ -144,7 +144,7 @@ def _was_changed(tags: Mapping[int, Any]) -> bool:
     return all(dates) and dates[0] != dates[1]
 
 
-def _size(tags: Mapping[int, Any], pair: tuple[int, int]) -> list[float]:
+def _tag_numbers(tags: Mapping[int, Any], pair: tuple[int, int]) -> list[float]:
     """Return the shorter and the longer side that two tags state, 0 for none."""
     return sorted(positive_number(tags.get(tag)) or 0.0 for tag in pair)
 
@@ -158,7 +158,7 @@ def _crop_note(tags: Mapping[int, Any], stored: tuple[int, int], thumbnail: floa
             f"its thumbnail shows more, so it was cropped to {thumbnail:.0%} of its width or height"
         )
     for words, pair in (*_SIZES.items(), ("of the camera's photo", _OF_CAMERA)):
-        size = _size(tags, pair)
+        size = _tag_numbers(tags, pair)
         if all(size) and any(
             abs(one / side - 1) > _SAME_SIZE for one, side in zip(size, sorted(stored), strict=True)
         ):
@@ -169,7 +169,7 @@ def _crop_note(tags: Mapping[int, Any], stored: tuple[int, int], thumbnail: floa
     return ""
 
 
-def _zoom(tags: Mapping[int, Any]) -> float:
+def _digital_zoom(tags: Mapping[int, Any]) -> float:
     zoom = positive_number(tags.get(_DIGITAL_ZOOM)) or 1.0
     return zoom if abs(zoom - 1) > _SAME_SIZE else 1.0
 
@@ -224,7 +224,7 @@ def _focal_doubt(
             f"cropped or resized"
         )
     sensor_mm = max(stored) * (positive_number(tags.get(FOCAL_LENGTH)) or 0.0) / max(focal)
-    zoom = _zoom(tags)
+    zoom = _digital_zoom(tags)
     has_zoom = 0 < sensor_mm < _SENSOR_MM[0] or "Apple" in str(tags.get(MAKE))
     if by_film and zoom != 1 and not has_zoom:
         return f"it is not known whether the 35 mm equivalent includes the digital zoom of {zoom:g}"

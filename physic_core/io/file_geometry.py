@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _ATTRIBUTES = r"""(?:[\w.:-]+\s*=\s*(?:"[^"]*"|'[^']*')\s*)*"""
 
 
-def _xmp(prefix: str, name: str, value: str) -> re.Pattern[str]:
+def _xmp_pattern(prefix: str, name: str, value: str) -> re.Pattern[str]:
     """Return the pattern of a property of XMP, an attribute or an element; text has none."""
     key = f"{prefix}:{name}"
     return re.compile(
@@ -28,11 +28,11 @@ def _xmp(prefix: str, name: str, value: str) -> re.Pattern[str]:
 
 
 _NUMBER = r"[+-]?\d+(?:\.\d+)?"
-_PROJECTION = _xmp("GPano", "ProjectionType", r"[\w-]+")
-_PITCH = _xmp("drone-dji", "GimbalPitchDegree", _NUMBER)
-_ROLL = _xmp("drone-dji", "GimbalRollDegree", _NUMBER)
+_PROJECTION = _xmp_pattern("GPano", "ProjectionType", r"[\w-]+")
+_PITCH = _xmp_pattern("drone-dji", "GimbalPitchDegree", _NUMBER)
+_ROLL = _xmp_pattern("drone-dji", "GimbalRollDegree", _NUMBER)
 _LEVEL_DEG = 2.0  # of roll; a gimbal keeps the horizon level
-_ALTITUDE = _xmp("drone-dji", "RelativeAltitude", _NUMBER)
+_ALTITUDE = _xmp_pattern("drone-dji", "RelativeAltitude", _NUMBER)
 _FLAT = ("perspective", "rectilinear")
 
 _RESOLUTIONS = (0x011A, 0x011B)
@@ -57,7 +57,7 @@ _SHAPES_OF_PHOTOS = (4 / 3, 3 / 2, 5 / 4, 2.0)
 _PAIRS = ("jfif_density", "aspect", "dpi")
 
 
-def _value(pattern: re.Pattern[str], xmp: str) -> str | None:
+def _xmp_value(pattern: re.Pattern[str], xmp: str) -> str | None:
     match = pattern.search(xmp)
     return None if match is None else match[1] or match[2]
 
@@ -69,7 +69,7 @@ def panorama_kind(xmp: str, tags: Mapping[int, Any]) -> str:
         xmp: of the file.
         tags: as in :func:`physic_core.io.exif.intrinsics_from_exif`.
     """
-    if (kind := (_value(_PROJECTION, xmp) or "").lower()) and kind not in _FLAT:
+    if (kind := (_xmp_value(_PROJECTION, xmp) or "").lower()) and kind not in _FLAT:
         return kind
     is_apple = str(tags.get(MAKE)).strip("\0 ") == "Apple"
     return "cylindrical" if is_apple and tags.get(_CUSTOM_RENDERED) == _PANORAMA_OF_APPLE else ""
@@ -86,7 +86,7 @@ def up_of_gimbal(xmp: str, orientation: int) -> FloatArray | None:
         xmp: of the file.
         orientation: EXIF orientation, 1-8.
     """
-    pitch, roll = (_value(pattern, xmp) for pattern in (_PITCH, _ROLL))
+    pitch, roll = (_xmp_value(pattern, xmp) for pattern in (_PITCH, _ROLL))
     if pitch is None or orientation != 1 or (roll and abs(float(roll)) > _LEVEL_DEG):
         return None
     angle = math.radians(float(pitch))
@@ -95,7 +95,7 @@ def up_of_gimbal(xmp: str, orientation: int) -> FloatArray | None:
 
 def drone_note(xmp: str) -> str:
     """Return a note on the height over the take-off, or ""."""
-    if (altitude := _value(_ALTITUDE, xmp)) is None:
+    if (altitude := _xmp_value(_ALTITUDE, xmp)) is None:
         return ""
     return (
         f"the drone states {float(altitude):g} m above the take-off, which is not used: give "

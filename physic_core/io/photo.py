@@ -115,7 +115,7 @@ def read_photo(photo: PhotoSource) -> Photo:
             file.seek(0)
             colours = code_points(file)
             file.seek(position)
-            return replace(_read(image, source, colours), digest=digest)
+            return replace(_read_pixels(image, source, colours), digest=digest)
     if isinstance(photo, Image.Image):
         photo_read = _read_image(photo)
     elif (
@@ -125,7 +125,7 @@ def read_photo(photo: PhotoSource) -> Photo:
         and photo.shape[2:] in ((), (1,), (4,))
     ):
         array = np.ascontiguousarray(photo)
-        photo_read = _read(
+        photo_read = _read_pixels(
             Image.fromarray(array[..., 0] if array.shape[2:] == (1,) else array), _ARRAY
         )
     else:
@@ -147,7 +147,7 @@ def _read_image(image: Image.Image) -> Photo:
     decode(image, source)
     with wrap_decoding_errors(source):
         copy = image.copy()  # decoding at a smaller size would change the user's image
-    return _read(copy, source)
+    return _read_pixels(copy, source)
 
 
 def limit_size(photo: Photo, max_side: int) -> Photo:
@@ -272,11 +272,13 @@ def _check_header(image: Image.Image, source: ImageSource) -> None:
         raise source.raw_error()
 
 
-def _read(image: Image.Image, source: ImageSource, colours: tuple[int, int] | None = None) -> Photo:
+def _read_pixels(
+    image: Image.Image, source: ImageSource, colours: tuple[int, int] | None = None
+) -> Photo:
     _check_header(image, source)
     stored = image.size
     notes = list(_frame_notes(image))
-    xmp = _xmp(image)
+    xmp = _read_xmp(image)
     deep = _has_16_bits(image)  # before decoding, which discards the mode of the file
     factor = math.ceil(math.sqrt(stored[0] * stored[1] / _KEEP_PIXELS))
     if factor > 1:
@@ -334,7 +336,7 @@ def _frame_notes(image: Image.Image) -> tuple[str, ...]:
     return ("only the first of its frames is used",) if several and image.format != "MPO" else ()
 
 
-def _xmp(image: Image.Image) -> str:
+def _read_xmp(image: Image.Image) -> str:
     """Return the XMP data of a file, "" without any."""
     xmp = image.info.get("xmp") or image.info.get("XML:com.adobe.xmp") or ""
     return xmp.decode("latin-1") if isinstance(xmp, bytes) else str(xmp)

@@ -103,11 +103,11 @@ def _check_replaceable(place: Path, target: Path, photos: str, *, overwrite: boo
         overwrite: whether the result of another photo may be replaced.
     """
     start = f"cannot write results to {target}: "
-    document = _document(place) or {}
-    digests = _files(document)
+    document = _read_document(place) or {}
+    digests = _file_digests(document)
     if document.get("run") == run_of_document(document):
         digests[DOCUMENT_FILE] = file_digest(place / DOCUMENT_FILE)
-    for name in _names(place):
+    for name in _file_names(place):
         digest = "" if (place / name).is_symlink() else file_digest(place / name)
         if not digest or digest != digests.get(name) or digest in photos.split():
             raise OutputError(
@@ -121,7 +121,7 @@ def _check_replaceable(place: Path, target: Path, photos: str, *, overwrite: boo
         )
 
 
-def _names(folder: Path) -> Iterator[str]:
+def _file_names(folder: Path) -> Iterator[str]:
     """Yield the names of the files in a folder, in order, but those of the system and temporary
     ones; a link and an empty folder are files.
     """
@@ -173,7 +173,7 @@ def write_result_files(
             shutil.rmtree(new, ignore_errors=True)
             raise
         try:
-            _swap(target, new, photos, overwrite=overwrite)
+            _swap_folders(target, new, photos, overwrite=overwrite)
         except (OSError, OutputError) as error:
             why = error if isinstance(error, OutputError) else refusal(target, error)
             raise OutputError(f"{why}; the new result is in {new}") from error
@@ -187,7 +187,7 @@ def _fill(new: Path, document: Mapping[str, Any], contents: Mapping[str, bytes])
     (new / DOCUMENT_FILE).write_bytes(_with_files(document, contents))
 
 
-def _swap(target: Path, new: Path, photos: str, *, overwrite: bool) -> None:
+def _swap_folders(target: Path, new: Path, photos: str, *, overwrite: bool) -> None:
     """Put a new folder in the place of an old one; after an error the old one is there."""
     old = _hidden(target, ".old")
     try:
@@ -234,7 +234,7 @@ def add_result_files(folder: Path, contents: Mapping[str, bytes]) -> None:
         OutputError: the folder cannot be written.
     """
     with _locked(Path(os.path.realpath(folder))), atomic_write(folder) as write:
-        if (document := _document(folder)) is not None:
+        if (document := _read_document(folder)) is not None:
             write(DOCUMENT_FILE).write_bytes(_with_files(document, contents))
         for name, content in contents.items():
             write(name).write_bytes(content)
@@ -244,14 +244,14 @@ def add_result_files(folder: Path, contents: Mapping[str, bytes]) -> None:
 
 def check_added(folder: Path, name: str) -> None:
     """Raise OutputError if the user edited a file that a result lists."""
-    digest = _files(_document(folder) or {}).get(name)
+    digest = _file_digests(_read_document(folder) or {}).get(name)
     if digest and os.path.lexists(folder / name) and file_digest(folder / name) != digest:
         raise OutputError(f"cannot write {folder / name}: it was edited; name another file with -o")
 
 
 def _with_files(document: Mapping[str, Any], contents: Mapping[str, bytes]) -> bytes:
     """Return the text of a document that lists further files."""
-    files = {**_files(document), **{name: digest_of(contents[name]) for name in contents}}
+    files = {**_file_digests(document), **{name: digest_of(contents[name]) for name in contents}}
     text = json.dumps({**document, "files": files}, indent=1, ensure_ascii=False, allow_nan=False)
     # A file name that is not UTF-8 has lone surrogates; backslashreplace writes them as JSON
     # escapes.
@@ -268,7 +268,7 @@ def run_of_document(document: Mapping[str, Any]) -> str:
 
 def photo_identity_of_result(folder: str | os.PathLike[str]) -> str | None:
     """Read the digests of the photo from the result in a folder; None if there is no result."""
-    document = _document(Path(folder))
+    document = _read_document(Path(folder))
     return None if document is None else str(document.get("photo", ""))
 
 
@@ -316,7 +316,7 @@ def image_digest(image: UInt8Array) -> str:
     return f"pixels-sha256:{hashlib.sha256(shape.encode() + image.tobytes()).hexdigest()}"
 
 
-def _document(folder: Path) -> dict[str, Any] | None:
+def _read_document(folder: Path) -> dict[str, Any] | None:
     """Read the document of a folder; None if it is missing or invalid."""
     try:
         path = UntrustedName(DOCUMENT_FILE).inside(folder)
@@ -326,7 +326,7 @@ def _document(folder: Path) -> dict[str, Any] | None:
     return document if isinstance(document, dict) and document.get("schema") == SCHEMA else None
 
 
-def _files(document: Mapping[str, Any]) -> dict[str, str]:
+def _file_digests(document: Mapping[str, Any]) -> dict[str, str]:
     """Return name -> digest of the files that a document lists; it and they are untrusted."""
     files = document.get("files")
     return {name: str(files[name]) for name in files} if isinstance(files, dict) else {}
@@ -354,4 +354,4 @@ def is_result(folder: str | os.PathLike[str]) -> bool:
             match = _RUN.match(file.read(_END_BYTES))
     except (InputError, OSError):
         return False
-    return match is not None or _document(Path(folder)) is not None
+    return match is not None or _read_document(Path(folder)) is not None

@@ -133,11 +133,11 @@ def save_reconstruction(
     reconstruction = reconstruction.with_warnings(*warnings)
     rows = made.pop(_ROWS, [])
     arrays: Arrays = {}
-    document = _document(reconstruction, rows, arrays)
+    document = _build_document(reconstruction, rows, arrays)
     if save == "people":
         arrays = {name: array for name, array in arrays.items() if not name.startswith(_OF_SCENE)}
     arrays = _compact(arrays, reconstruction.intrinsics) | {_RUN: np.array(document["run"])}
-    contents, failure = _contents(reconstruction, arrays, pictures, page or "")
+    contents, failure = _result_files(reconstruction, arrays, pictures, page or "")
     if isinstance(failure, Exception) and not isinstance(failure, PackageMissingError):
         return save_reconstruction(
             reconstruction.with_warnings(left_out_warning("the pictures", failure)),
@@ -161,7 +161,7 @@ def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
         InputError: a file is missing, damaged, changed, of another run, or of another version; the
             result has only people.
     """
-    document, arrays = _read(Path(folder))
+    document, arrays = _read_document_and_arrays(Path(folder))
     try:
         if "image" not in arrays:
             raise ValueError(
@@ -197,7 +197,7 @@ def load_people(folder: str | os.PathLike[str]) -> dict[str, AnyArray]:
     Raises:
         InputError: a file is missing, damaged, of another run, or of another version.
     """
-    document, arrays = _read(Path(folder))
+    document, arrays = _read_document_and_arrays(Path(folder))
     _check_digest(Path(folder), document)
     return {name: array for name, array in arrays.items() if not name.startswith(_OF_SCENE)}
 
@@ -208,7 +208,7 @@ def read_image(folder: str | os.PathLike[str]) -> UInt8Array | None:
     Raises:
         InputError: a file is missing, damaged, of another run, or of another version.
     """
-    document, arrays = _read(Path(folder), ["image"])
+    document, arrays = _read_document_and_arrays(Path(folder), ["image"])
     _check_digest(Path(folder), document)
     image = arrays.get("image")
     if image is not None and (image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8):
@@ -239,7 +239,7 @@ def read_document(folder: Path) -> dict[str, Any]:
     return document
 
 
-def _document(
+def _build_document(
     reconstruction: Reconstruction, rows: list[dict[str, Any]], arrays: Arrays
 ) -> dict[str, Any]:
     """Return the document of a result without its files, and add its arrays to ``arrays``."""
@@ -257,7 +257,7 @@ def _document(
     return document | {"run": run_of_document(document)}
 
 
-def _contents(
+def _result_files(
     reconstruction: Reconstruction, arrays: Arrays, pictures: Collection[str], title: str
 ) -> tuple[dict[str, bytes], BaseException | None]:
     """Return the contents of the arrays' file, of the pictures and the page, and the error if one
@@ -276,7 +276,9 @@ def _contents(
     return {ARRAYS_FILE: stream.getvalue(), **made}, failure
 
 
-def _read(folder: Path, names: Collection[str] | None = None) -> tuple[dict[str, Any], Arrays]:
+def _read_document_and_arrays(
+    folder: Path, names: Collection[str] | None = None
+) -> tuple[dict[str, Any], Arrays]:
     """Read the document of a result, and its arrays, or those of some names that it has."""
     document = read_document(folder)
     path = UntrustedName(ARRAYS_FILE).inside(folder)
@@ -365,7 +367,7 @@ def _compact(arrays: Arrays, camera: Intrinsics) -> Arrays:
         points = small["scene.points"]
         depth = _round_mantissa(points[..., 2])
         near = (
-            np.abs(_rays(camera) * depth[..., None] - points)
+            np.abs(_pixel_rays(camera) * depth[..., None] - points)
             <= _RAY_TOLERANCE * np.abs(points[..., 2:]) + 1e-6
         )
         if near.all():
@@ -380,7 +382,7 @@ def _expanded(arrays: Arrays, camera: Intrinsics) -> Arrays:
     """Return the arrays of a result from their stored form."""
     expanded = dict(arrays)
     if "scene.depth" in expanded:
-        expanded["scene.points"] = _rays(camera) * expanded.pop("scene.depth")[..., None]
+        expanded["scene.points"] = _pixel_rays(camera) * expanded.pop("scene.depth")[..., None]
     normals = expanded["scene.normals"].astype(np.float32)
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     expanded["scene.normals"] = normals / np.where(length > 0, length, 1)
@@ -401,7 +403,7 @@ def _round_mantissa(values: AnyArray) -> Float32Array:
     return np.where(np.isfinite(values), rounded, values)
 
 
-def _rays(camera: Intrinsics) -> Float32Array:
+def _pixel_rays(camera: Intrinsics) -> Float32Array:
     """Return the rays (H, W, 3) of the pixels, with z = 1."""
     x, y = np.meshgrid(
         (np.arange(camera.width) - camera.cx) / camera.fx,

@@ -168,10 +168,10 @@ def person_trust(checks: Sequence[CheckResult], person: int) -> Trust:
         key=shares.__getitem__,
     )
     lowering = [name for name in passing if shares[name] <= -_LEAST_LOSS]
-    why = [part for name in named[:_REASONS] for part in _reason(person_checks[name])]
+    why = [part for name in named[:_REASONS] for part in _reason_of_check(person_checks[name])]
     why += [str(person_checks[name]) for name in named[_REASONS:]]
     left = max(0, _REASONS - len(named))
-    why += [part for name in lowering[:left] for part in _reason(person_checks[name])]
+    why += [part for name in lowering[:left] for part in _reason_of_check(person_checks[name])]
     probability = probabilities.pop(ALL)
     doubtful = [name for name, chance in probabilities.items() if not is_usable(chance)]
     if doubtful and not named:
@@ -190,7 +190,7 @@ def capped_by_contradictions(probability: float, contradictions: int) -> float:
     return min(probability, CAP**contradictions) if contradictions else probability
 
 
-def _reason(check: CheckResult) -> list[str]:
+def _reason_of_check(check: CheckResult) -> list[str]:
     """Return sentences on a check that lowers a probability: its value, and what to do."""
     if check.value is None:
         return [f"{check.title}, {check.message}"]

@@ -68,7 +68,7 @@ def as_reconstruction(
     return Reconstruction(
         image=estimates.image,
         intrinsics=_intrinsics(estimates, state),
-        scene=_scene(estimates, state),
+        scene=_scene_of_result(estimates, state),
         people=() if contact is None else _people(estimates, state, contact, measures),
         faces=state.model.faces.int().numpy(),
         body_model=state.model.name,
@@ -112,7 +112,7 @@ def _people(
                 age=float(years[i]) if math.isfinite(years[i]) else None,
                 stature=float(stature) if has_body else None,
                 stature_sigma=sigma if has_body else None,
-                sizes=_sizes(state, i) if has_body else {},
+                sizes=_body_sizes(state, i) if has_body else {},
                 measures=measures[i],
                 **_observed_fields(photo.observations, touch[i], i),
                 **_given_fields(estimates.given_bodies, i),
@@ -143,7 +143,7 @@ def _arrays_of_people(state: State, contact: Contact) -> dict[str, Any]:
     return rows
 
 
-def _sizes(state: State, person: int) -> dict[str, float]:
+def _body_sizes(state: State, person: int) -> dict[str, float]:
     """Return the heights of a person over the floor; none without a floor."""
     floor = state.scene.floor
     if floor is None:
@@ -226,7 +226,7 @@ def _intrinsics(estimates: Estimates, state: State) -> Intrinsics:
     return found
 
 
-def _scene(estimates: Estimates, state: State) -> Scene:
+def _scene_of_result(estimates: Estimates, state: State) -> Scene:
     """Convert the scene, multiplied by the scale of stage 3."""
     scene = state.scene
     scale = state.unapplied_scene_scale

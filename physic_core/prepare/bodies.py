@@ -144,7 +144,7 @@ def place_by_keypoints(given: GivenBodies, model: BodyModel, photo: PhotoContent
             f"translations"
         )
     p = given.bodies.parameters
-    keypoints, landmarks = _landmarks(p, model, photo)
+    keypoints, landmarks = _body_landmarks(p, model, photo)
     visible = keypoints.confidence[0] >= SURE_CONFIDENCE
     body = landmarks[0, visible]
     translation = _translation(body, keypoints.points[0, visible], photo.camera)
@@ -165,7 +165,7 @@ def _translation(body: FloatArray, points: FloatArray, camera: Intrinsics) -> Fl
     return np.linalg.lstsq(slopes.reshape(-1, 3), target.reshape(-1), rcond=None)[0]
 
 
-def _landmarks(
+def _body_landmarks(
     bodies: BodyParameters, model: BodyModel, photo: PhotoContent
 ) -> tuple[Keypoints, FloatArray]:
     """Return the J keypoints of people that lie on bodies, and the same points (M, J, 3) of the
@@ -331,7 +331,7 @@ def _keypoint_readings(
     their size: as they are, with left and right exchanged, and upside down; NaN with few keypoints.
     """
     camera = photo.camera
-    keypoints, landmarks = _landmarks(given, model, photo)
+    keypoints, landmarks = _body_landmarks(given, model, photo)
     drawn = landmarks[..., :2] / np.maximum(landmarks[..., 2:], 1e-3)
     drawn = drawn * [camera.fx, camera.fy] + [camera.cx, camera.cy]
     mirrored = mirrored_order(keypoints.joint_set.names)

@@ -33,7 +33,7 @@ def read_bodies_of(
     elif bodies is not None:
         raise ConfigError("bodies are given, and photo.bodies names a file: give only one")
     else:
-        file = _file(photo, settings.bodies, settings.bodies_frame)
+        file = _file_of_photo(photo, settings.bodies, settings.bodies_frame)
         given_bodies = read_bodies(file, settings.bodies_model or plan.config.body_model.path)
     if given_bodies is None:
         if settings.bodies_final:
@@ -60,7 +60,7 @@ def read_masks_of(
         raise ConfigError("masks choose the people to reconstruct: give them in one way only")
     if path is None:
         return PeoplePrompt(masks=masks), None
-    masks_in_file = read_masks(_file(photo, path))
+    masks_in_file = read_masks(_file_of_photo(photo, path))
     return (
         (PeoplePrompt(masks=masks_in_file.masks), None)
         if masks_in_file.are_people
@@ -68,6 +68,6 @@ def read_masks_of(
     )
 
 
-def _file(photo: Photo, path: str, frame: int | None = None) -> FileOfPhoto:
+def _file_of_photo(photo: Photo, path: str, frame: int | None = None) -> FileOfPhoto:
     height, width = photo.image.shape[:2]
     return FileOfPhoto(Path(path), photo.name, photo.file_size or (width, height), frame)

@@ -63,7 +63,7 @@ def corrected_keypoints(
     """
     names = keypoints.joint_set.names
     given, missing = _without_unknown_joints(given, names)
-    columns = [_column(joint, names) for joint in given.joint]
+    columns = [_keypoint_column(joint, names) for joint in given.joint]
     rows, strangers = _match_people(given, people)
     points = np.array(keypoints.points)
     confidence = np.array(keypoints.confidence)
@@ -184,7 +184,7 @@ def _without_unknown_joints(
     """Return the keypoints of another program without joints that the detector lacks, and a note on
     them.
 
-    Names that the user typed in CSV are not left out; :func:`_column` refuses them.
+    Names that the user typed in CSV are not left out; :func:`_keypoint_column` refuses them.
     """
     known = np.array([joint in names or f"{joint}_surface" in names for joint in given.joint])
     if given.has_person_numbers or known.all() or not known.any():
@@ -203,7 +203,7 @@ def _without_unknown_joints(
     )
 
 
-def _column(joint: str, names: Sequence[str]) -> int:
+def _keypoint_column(joint: str, names: Sequence[str]) -> int:
     """Return the index of a joint; names of COCO such as "left_eye" are those of the surface."""
     for name in (joint, f"{joint}_surface"):
         if name in names:

@@ -58,7 +58,7 @@ def _of(name: str) -> Callable[[_Row], Any]:
     return lambda row: getattr(row.person, name)
 
 
-def _texts(name: str) -> Callable[[_Row], str]:
+def _part_names_of(name: str) -> Callable[[_Row], str]:
     return lambda row: ", ".join(map(part_words, getattr(row.person, name)))
 
 
@@ -81,7 +81,7 @@ def _angle(name: str, row: _Row) -> float | None:
     return _rounded(row.person.joint_angles[name], 1)
 
 
-def _usable(mark: str, result: Reconstruction) -> int:
+def _num_usable(mark: str, result: Reconstruction) -> int:
     return result.usable[mark]
 
 
@@ -176,13 +176,13 @@ _PERSON = (
     Column(
         "unseen",
         "limbs, hands and feet that the photo does not show: mostly a guess",
-        _texts("unseen"),
+        _part_names_of("unseen"),
         is_text=True,
     ),
     Column(
         "unsure",
         "arms and legs that the photo shows, with an error of more than 0.25 m",
-        _texts("unsure"),
+        _part_names_of("unsure"),
         is_text=True,
     ),
     *_limb_columns(),
@@ -227,7 +227,7 @@ def marks_of_row(row: Mapping[str, Any]) -> dict[str, float | None]:
     return {name: row[f"trust_{name}"] for name in MARKS}
 
 
-def _distances(result: Reconstruction) -> list[float]:
+def _distance_sigmas_of_people(result: Reconstruction) -> list[float]:
     distances = map(pelvis_distance_m, result.people)
     return [distance for distance in distances if distance is not None]
 
@@ -249,7 +249,7 @@ _PHOTO = (
         Column(
             f"usable_{name}",
             f"number of people whose {name} is usable",
-            partial(_usable, name),
+            partial(_num_usable, name),
         )
         for name in MARKS
     ),
@@ -258,7 +258,11 @@ _PHOTO = (
         "number of people without a body, or left out; not second boxes of people with one",
         lambda result: sum(one.is_another_person for one in result.unposed),
     ),
-    Column("bodies", "number of people with a finite body", lambda r: len(_distances(r))),
+    Column(
+        "bodies",
+        "number of people with a finite body",
+        lambda r: len(_distance_sigmas_of_people(r)),
+    ),
     Column(
         "failed_checks",
         "number of failed checks",
@@ -273,12 +277,12 @@ _PHOTO = (
     Column(
         "nearest_person_m",
         "distance of the nearest pelvis from the camera",
-        lambda result: min(_distances(result), default=None),
+        lambda result: min(_distance_sigmas_of_people(result), default=None),
     ),
     Column(
         "farthest_person_m",
         "distance of the farthest pelvis from the camera",
-        lambda result: max(_distances(result), default=None),
+        lambda result: max(_distance_sigmas_of_people(result), default=None),
     ),
     Column(
         "distance_sigma",

@@ -40,7 +40,7 @@ def locate(manifest: Path, name: str, file: str | None = None) -> Path:
         BackendError: a file is not the published one, or the manifest is invalid.
     """
     path = find_weights(manifest, name, file)
-    weights = _named(manifest, name)
+    weights = _weight_set_named(manifest, name)
     local_files = locate_files(weights)
     for wanted in weights.files:
         used = file in (None, wanted.path)
@@ -59,7 +59,7 @@ def find_weights(manifest: Path, name: str, file: str | None = None) -> Path:
         WeightsMissingError: as in :func:`locate`.
         BackendError: the manifest is invalid.
     """
-    weights = _named(manifest, name)
+    weights = _weight_set_named(manifest, name)
     if file is not None and file not in (known := [f.path for f in weights.files]):
         raise WeightsMissingError(
             f"weights '{name}' have no file {file}, only {', '.join(known)}: choose weights of "
@@ -100,7 +100,7 @@ def missing(manifest: Path, name: str, file: str | None = None) -> tuple[str, ..
     return ()
 
 
-def _named(manifest: Path, name: str) -> WeightSet:
+def _weight_set_named(manifest: Path, name: str) -> WeightSet:
     """Return the set of a name, or raise WeightsMissingError."""
     sets = read_manifest(manifest)
     if name in sets:
@@ -122,9 +122,9 @@ def fingerprint(manifest: Path, name: str) -> str:
         find_weights(manifest, name)
     except WeightsMissingError:
         return ""
-    weights = _named(manifest, name)
+    weights = _weight_set_named(manifest, name)
     here = locate_files(weights)
-    parts = [f"{file.path} {_identity(here[file.path], file)}" for file in weights.files]
+    parts = [f"{file.path} {_file_identity(here[file.path], file)}" for file in weights.files]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
@@ -243,7 +243,7 @@ def find_in_hub_cache(file: WeightFile) -> Path | None:
     return Path(path) if isinstance(path, str) else None
 
 
-def _identity(path: Path, file: WeightFile) -> str:
+def _file_identity(path: Path, file: WeightFile) -> str:
     """Return the published SHA-256 of a file, which is compared when the file is loaded; without
     one, its own.
     """

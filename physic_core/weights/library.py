@@ -76,7 +76,7 @@ def read_library() -> WeightLibrary:
     broken: list[tuple[Offer, str]] = []
     for offer in installed_offers(WEIGHTS_GROUP):
         try:
-            sets += [ListedWeights(offer, weights) for weights in _sets(offer).values()]
+            sets += [ListedWeights(offer, weights) for weights in _weight_sets_of(offer).values()]
         except PhysicError as error:
             broken.append((offer, str(error)))
     return WeightLibrary(
@@ -94,7 +94,7 @@ def named_sets(distribution: str, options: Mapping[str, Any]) -> tuple[WeightSet
     sets_named: dict[str, WeightSet] = {}
     for offer in installed_offers(WEIGHTS_GROUP):
         if offer.distribution == distribution:
-            sets = _sets(offer)
+            sets = _weight_sets_of(offer)
             sets_named |= {value: sets[value] for value in values if value in sets}
     return tuple(sets_named.values())
 
@@ -112,7 +112,9 @@ def default_sets(backend: Offer) -> tuple[WeightSet, ...]:
         for offer in installed_offers(WEIGHTS_GROUP)
         if offer.distribution == backend.distribution
     ]
-    return tuple(one for offer in lists for one in _sets(offer).values() if name in one.default_of)
+    return tuple(
+        one for offer in lists for one in _weight_sets_of(offer).values() if name in one.default_of
+    )
 
 
 def licence_text(sets: Iterable[WeightSet]) -> str:
@@ -126,7 +128,7 @@ def licence_text(sets: Iterable[WeightSet]) -> str:
     return "; ".join(dict.fromkeys(licences))
 
 
-def _sets(offer: Offer) -> Mapping[str, WeightSet]:
+def _weight_sets_of(offer: Offer) -> Mapping[str, WeightSet]:
     from physic_core.weights.manifest import read_manifest
 
     return read_manifest(weights_folder(offer))

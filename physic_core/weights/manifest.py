@@ -241,7 +241,9 @@ def read_manifest(path: Path) -> Mapping[str, WeightSet]:
     path = Path(path)
     try:
         files = tuple(sorted(path.glob("*.toml"))) if path.is_dir() else (path,)
-        return _read(tuple((file, file.stat().st_mtime_ns, file.stat().st_size) for file in files))
+        return _read_manifests(
+            tuple((file, file.stat().st_mtime_ns, file.stat().st_size) for file in files)
+        )
     except OSError as error:
         raise BackendError(
             f"the weight manifest {path} cannot be read: {error.strerror}"
@@ -252,7 +254,7 @@ _SETS = TypeAdapter(dict[str, WeightSet])
 
 
 @functools.lru_cache(maxsize=64)
-def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
+def _read_manifests(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
     sets: dict[str, WeightSet] = {}
     for file, _, _ in stamps:
         try:

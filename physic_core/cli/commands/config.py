@@ -79,12 +79,12 @@ def config_toml(found: Config) -> str:
     lines = [
         line
         for name, table in found.as_dict().items()
-        for line in _table(name, table, found.source)
+        for line in _toml_table(name, table, found.source)
     ]
     return "\n".join(lines).lstrip("\n") + "\n"
 
 
-def _table(path: str, table: Mapping[str, Any], source: Callable[[str], str]) -> list[str]:
+def _toml_table(path: str, table: Mapping[str, Any], source: Callable[[str], str]) -> list[str]:
     inner = {key: value for key, value in table.items() if isinstance(value, dict) and value}
     lines = [
         f"{key} = {toml_value(value)}  # {source(f'{path}.{key}')}"
@@ -92,6 +92,6 @@ def _table(path: str, table: Mapping[str, Any], source: Callable[[str], str]) ->
         if value is not None and not isinstance(value, dict)  # TOML cannot express None
     ]
     below = [
-        line for key, value in inner.items() for line in _table(f"{path}.{key}", value, source)
+        line for key, value in inner.items() for line in _toml_table(f"{path}.{key}", value, source)
     ]
     return [*(["", f"[{path}]", *lines] if lines else []), *below]

@@ -345,9 +345,9 @@ def _people_evidence(
     stance = Stance.in_picture(observations)
     if carriers := photo.people.carriers:
         stance = replace(stance, carried=carried_people(carriers, photo.keypoints))
-    sigma, adult = _sizes(photo, bodies)
+    sigma, adult = _known_and_usual_sizes(photo, bodies)
     real = photo.people.scores * adult
-    torsos = _torsos(photo, model, vertices, sigma, real)
+    torsos = _size_witnesses(photo, model, vertices, sigma, real)
     lie = observations.posture[:, POSTURES.index("lie")] > LEAST_PROBABILITY
     upright = posed.joints[torch.from_numpy(~lie)]
     across = may_rest_on_any_skin(photo.keypoints, observations)
@@ -357,7 +357,7 @@ def _people_evidence(
     )
 
 
-def _sizes(photo: PhotoContent, bodies: Bodies) -> tuple[FloatArray, FloatArray]:
+def _known_and_usual_sizes(photo: PhotoContent, bodies: Bodies) -> tuple[FloatArray, FloatArray]:
     """Return the standard deviation (N,) of the logarithm of each stature, and the probability (N,)
     that it is an adult's or stated.
     """
@@ -381,7 +381,7 @@ def _place_sigmas(bodies: Bodies, vertices: FloatArray) -> FloatArray:
     return np.where(np.isnan(bodies.distance_sigma), np.inf, off)
 
 
-def _torsos(
+def _size_witnesses(
     photo: PhotoContent,
     model: BodyModel,
     vertices: FloatArray,

@@ -60,10 +60,10 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementStageMe
             feet_seen = torch.where(across, state.rest_probability >= LEAST_PROBABILITY, feet_seen)
             touch[:, :2] *= torch.where(across, state.rest_probability, 1.0)[:, None]
         state = replace(state, limb_touch_probability=touch)
-    return _place(estimates, state, feet_seen, method)
+    return _place_people(estimates, state, feet_seen, method)
 
 
-def _place(
+def _place_people(
     estimates: Estimates, state: State, feet_seen: Tensor, method: PlacementStageMethod
 ) -> State:
     """Align the photo to the scene, and place the bodies in it."""
@@ -277,7 +277,7 @@ def _resized(
     model = state.model
     unscaled = known.unscaled
     assert unscaled is not None
-    placed = _place(estimates, replace(state, scene=unscaled), feet_seen, method)
+    placed = _place_people(estimates, replace(state, scene=unscaled), feet_seen, method)
     posed = model(state.rotations, state.betas, state.transl, state.expression).vertices
     assert placed.keypoint_transl is not None
     vertices = posed + (placed.keypoint_transl - state.transl)[:, None]

@@ -124,10 +124,10 @@ def _continued(ratio: FloatArray, depth: FloatArray, known: BoolArray) -> FloatA
     share = cv2.blur(known.astype(np.float64), (side, side))
     smooth = cv2.blur(np.where(known, ratio, 0.0), (side, side)) / np.maximum(share, 1e-9)
     inside = np.clip(smooth, ratio - _NOISE, ratio + _NOISE)
-    return np.where(known, inside, _trend(ratio, depth, known))
+    return np.where(known, inside, _smooth_trend(ratio, depth, known))
 
 
-def _trend(ratio: FloatArray, depth: FloatArray, known: BoolArray) -> FloatArray:
+def _smooth_trend(ratio: FloatArray, depth: FloatArray, known: BoolArray) -> FloatArray:
     """Return the plane (H, W) through log ratios over column, row and log depth, of least absolute
     residuals.
 

@@ -54,18 +54,24 @@ def solve_scene(estimates: Estimates, model: BodyModel, method: SceneStageMethod
     ground = estimates.ground
     evidence = replace(ground.evidence, known_search=ground.search)
     depth = tensor(estimates.depth.depth)
-    scene = build_scene(estimates.photo.scene_points, depth, _cameras(estimates), evidence, method)
+    scene = build_scene(
+        estimates.photo.scene_points, depth, _cameras_by_trust(estimates), evidence, method
+    )
     return _with_known_sizes(estimates, _initial_state(estimates, model, scene))
 
 
-def _cameras(estimates: Estimates) -> Cameras:
+def _cameras_by_trust(estimates: Estimates) -> Cameras:
     """Return the cameras for stage 1: known ones before estimated ones before guessed ones."""
     metric = estimates.depth.intrinsics
     pointmap = estimates.photo.scene_map.intrinsics
     keep = estimates.camera_by_user_or_file or (
-        pointmap is not None and (metric is None or _trust(pointmap) > _trust(metric))
+        pointmap is not None and (metric is None or _trust_level(pointmap) > _trust_level(metric))
     )
-    if pointmap is not None and metric is not None and _trust(pointmap) < _trust(metric):
+    if (
+        pointmap is not None
+        and metric is not None
+        and _trust_level(pointmap) < _trust_level(metric)
+    ):
         pointmap = None
     if keep and metric is not None and metric.known:
         metric = None  # its depth does not depend on the camera
@@ -73,7 +79,7 @@ def _cameras(estimates: Estimates) -> Cameras:
     return Cameras(*(None if one is None else torch.from_numpy(one.matrix) for one in cameras))
 
 
-def _trust(camera: Intrinsics) -> int:
+def _trust_level(camera: Intrinsics) -> int:
     """Return 1 for a known camera, 0 for an estimated one, -1 for a guessed one."""
     return int(camera.known) - int(camera.guessed)
 
@@ -191,9 +197,9 @@ def build_scene(
         up=surest_up(floor, evidence.up, evidence.slope_sigma_deg),
         diagnostics={
             "alignment": alignment_diagnostics(alignment),
-            "valid_share": _share(clean),
-            "edge_share": _share(edges_off_floor),
-            "outlier_share": _share(outliers_off_floor),
+            "valid_share": _share_of_true(clean),
+            "edge_share": _share_of_true(edges_off_floor),
+            "outlier_share": _share_of_true(outliers_off_floor),
             "floor": _floor_diagnostics(search),
             "fx_px": float(camera[0, 0]),
             "fy_px": float(camera[1, 1]),
@@ -265,7 +271,7 @@ def _positive(depth: Tensor) -> Tensor:
     return torch.isfinite(depth) & (depth > 0)
 
 
-def _share(mask: Tensor) -> float:
+def _share_of_true(mask: Tensor) -> float:
     return float(mask.double().mean())
 
 

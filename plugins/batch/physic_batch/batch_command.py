@@ -134,7 +134,7 @@ def batch(
     todo = plan.todo[:limit]
     if listed.left_out:
         echo(f"left out: {listed.left_out_in_words()}", err=True)
-    echo(_describe(plan, len(items), limit), err=True)
+    echo(_describe_plan(plan, len(items), limit), err=True)
     if dry_run:
         _print_forecast(todo, job)
         return
@@ -237,7 +237,7 @@ def _executor(out: Path, part: Shard | None, options: Mapping[str, Any]) -> Exec
     return open_executor(options["executor"], settings)
 
 
-def _describe(plan: BatchPlan, photos: int, limit: int | None) -> str:
+def _describe_plan(plan: BatchPlan, photos: int, limit: int | None) -> str:
     failed = sum(plan.failed.values())
     reasons = ", ".join(f"{number:,} {reason}" for reason, number in plan.reasons.items())
     parts = [f"{photos:,} photos: {plan.done:,} done before"]

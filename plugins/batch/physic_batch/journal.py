@@ -210,7 +210,7 @@ class JournalIndex:
             start = 0
             with path.open("rb") as file:
                 for line in file:
-                    row = _row(line, with_people=False)
+                    row = _parse_row(line, with_people=False)
                     if row is None:
                         self.damaged += 1
                     elif row["run"] >= self._last.get(row["id"], (0,))[0]:
@@ -249,7 +249,7 @@ class JournalIndex:
                         files.clear()
                     files[path] = opened.enter_context(path.open("rb"))
                 files[path].seek(start)
-                row = _row(files[path].readline(), with_people=with_people)
+                row = _parse_row(files[path].readline(), with_people=with_people)
                 self.damaged += row is None
                 yield row
 
@@ -284,17 +284,17 @@ def _last_run(path: Path) -> int:
         for length in (min(size, _END_BYTES), size):
             file.seek(size - length)
             for line in reversed(file.read().splitlines()):
-                if (row := _row(line, with_people=False)) is not None:
+                if (row := _parse_row(line, with_people=False)) is not None:
                     return int(row["run"])
     return 0
 
 
 def _is_journal(path: Path) -> bool:
     with path.open("rb") as file:
-        return any(_row(line) is not None for line in file) or path.stat().st_size == 0
+        return any(_parse_row(line) is not None for line in file) or path.stat().st_size == 0
 
 
-def _row(line: bytes, *, with_people: bool = True) -> dict[str, Any] | None:
+def _parse_row(line: bytes, *, with_people: bool = True) -> dict[str, Any] | None:
     """Return the row of a line, or its columns without people; None if it is damaged."""
     # No text has these bytes, since it has no quotation mark without a backslash.
     head, mark, people = line.rstrip().partition(_PEOPLE_START)

@@ -74,7 +74,7 @@ def batch_config(config: Config, *, with_cache: bool) -> Config:
     )
 
 
-def _digest(value: Any) -> str:
+def _config_digest(value: Any) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 
@@ -101,7 +101,7 @@ class BatchJob:
         Of files that they name, such as weights or a depth map, the content counts.
         """
         of_all, own = self._tables_digest, dict(item.settings)
-        return _digest([of_all, own, list(files_named_by(own))]) if own else of_all
+        return _config_digest([of_all, own, list(files_named_by(own))]) if own else of_all
 
     @cached_property
     def _tables_digest(self) -> str:
@@ -111,7 +111,7 @@ class BatchJob:
         for table in tables.values():
             if isinstance(options := table.get("options"), dict):
                 options.pop("threads", None)
-        return _digest([tables, list(files_named_by(tables))])
+        return _config_digest([tables, list(files_named_by(tables))])
 
     @cached_property
     def version(self) -> str:
@@ -143,7 +143,7 @@ class BatchJob:
                 parts.append(made_of(one.backend, one.provenance, digest))
             if one.provenance.version:
                 owners.add(f"{one.provenance.distribution} {one.provenance.version}")
-        return ", ".join([*sorted(owners), f"{OTHER_CODE} {_digest(parts)}"])
+        return ", ".join([*sorted(owners), f"{OTHER_CODE} {_config_digest(parts)}"])
 
 
 class PhotoProcessor:

@@ -219,7 +219,7 @@ def _files_below(top: str) -> Iterator[tuple[str, str]]:
     """Yield the files of a folder and its sub-folders, each with why it is no photo; "" if it is
     one.
     """
-    for folder, folders, names in os.walk(top, onerror=_raise):
+    for folder, folders, names in os.walk(top, onerror=_raise_error):
         folders[:] = (name for name in folders if not name.startswith("."))
         of_result = is_result(folder)
         for name in names:
@@ -242,7 +242,7 @@ def _why_no_photo(path: str, *, of_result: bool) -> str:
     return ""
 
 
-def _raise(error: OSError) -> None:
+def _raise_error(error: OSError) -> None:
     raise InputError(
         f"cannot read the folder {_show(str(error.filename))}: {error.strerror}; "
         "allow it, or name the other folders or files"

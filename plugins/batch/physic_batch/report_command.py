@@ -43,7 +43,7 @@ def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) 
     first: PhysicError | None = None
     for folder in results:
         try:
-            _write(folder, out, title, each)
+            _write_report(folder, out, title, each)
         except (InputError, OutputError) as error:
             if first is not None:
                 echo(f"Error: {first}", err=True)
@@ -52,7 +52,7 @@ def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) 
         raise first
 
 
-def _write(folder: Path, out: Path | None, title: str, each: bool) -> None:
+def _write_report(folder: Path, out: Path | None, title: str, each: bool) -> None:
     from physic_core.io.report_file import add_report, save_report
     from physic_core.io.result_folder import ARRAYS_FILE, is_result
 

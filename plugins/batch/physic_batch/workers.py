@@ -349,7 +349,7 @@ class _Worker(Generic[Task]):
         if time.monotonic() >= self.deadline and self._process.is_alive():
             return self._end_if_out_of_time(seconds)
         self._process.join(_END_S)
-        how = _describe_end(self._process.exitcode, self._log)
+        how = _end_text(self._process.exitcode, self._log)
         was_open = self.is_open
         self.end()
         if not was_open and self._starts == _MAX_STARTS:
@@ -406,7 +406,7 @@ class _Worker(Generic[Task]):
             write_own(self._log, f"{MARK}\n".encode())
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        process = context.Process(target=_work, args=(theirs, self._open_worker, self._log))
+        process = context.Process(target=_worker_main, args=(theirs, self._open_worker, self._log))
         with processes_started_safely(_SINGLE_THREAD):
             process.start()
         self._process = process
@@ -416,7 +416,7 @@ class _Worker(Generic[Task]):
         self.handles = (self._pipe, self._process.sentinel)
 
 
-def _work(
+def _worker_main(
     pipe: connection.Connection, open_worker: Callable[[], Callable[[Any], Any]], log: Path | None
 ) -> None:
     """Open the worker, then serve tasks until the pipe is closed; runs in the worker process."""
@@ -468,7 +468,7 @@ def error_named(name: str, message: str) -> PhysicError:
     return BackendError(f"a worker cannot load the backends: {name}: {message}")
 
 
-def _describe_end(code: int | None, log: Path | None) -> str:
+def _end_text(code: int | None, log: Path | None) -> str:
     log_text = f"; see {log}" if log is not None else ""
     if code is not None and code < 0:
         with suppress(ValueError):

@@ -64,14 +64,14 @@ _LONGEST_TITLE = 100  # characters
 _TEMPLATES = Jinja2Templates(str(files("physic_serve") / "templates"))
 
 
-def _usable(summary: Mapping[str, Any]) -> str:
+def _usable_text(summary: Mapping[str, Any]) -> str:
     """Return the usable marks of a finished job in words; "" of another job."""
     if "people" not in summary:
         return ""
     return usable_text({name: summary[f"usable_{name}"] for name in MARKS}, summary["people"])
 
 
-_TEMPLATES.env.filters["usable"] = _usable
+_TEMPLATES.env.filters["usable"] = _usable_text
 
 
 def make_app(jobs: Jobs, hosts: Collection[str], examples: Mapping[str, Path]) -> Starlette:
@@ -170,10 +170,10 @@ class _Pages:
         return RedirectResponse(f"/jobs/{job.id}", 303)
 
     def download(self, request: Request) -> Response:
-        return _file(self._find(request).files, request)
+        return _file_response(self._find(request).files, request)
 
     def example(self, request: Request) -> Response:
-        return _file(self._examples, request)
+        return _file_response(self._examples, request)
 
 
 class _OwnSiteOnly:
@@ -221,7 +221,7 @@ def _number(text: str) -> float:
         raise HTTPException(400, f"'{text[:40]}' is not a number") from None
 
 
-def _file(paths: Mapping[str, Path], request: Request) -> Response:
+def _file_response(paths: Mapping[str, Path], request: Request) -> Response:
     """Return one of these files; no path is made of the name in a request."""
     name = request.path_params["name"]
     if name not in paths:

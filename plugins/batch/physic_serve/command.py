@@ -76,7 +76,7 @@ def serve(
 
     config = load_config(file, preset=preset, overrides=overrides)
     require_pictures()
-    formats = _formats(exports)
+    formats = _checked_formats(exports)
     parent = check_writable(folder or tempfile.gettempdir())
     _end_at_signals()
     address = f"[{host}]" if ":" in host else host
@@ -156,7 +156,7 @@ def example_photos() -> dict[str, Path]:
     return {path.name: path for path in sorted(folder.glob("*.jpg"))}
 
 
-def _formats(names: tuple[str, ...]) -> tuple[str, ...]:
+def _checked_formats(names: tuple[str, ...]) -> tuple[str, ...]:
     """Return the formats to export: those named, or those of the default that are installed with
     their libraries.
     """

@@ -143,9 +143,9 @@ class Jobs:
                     continue
                 job.state = "running"
             for message in self._worker.reconstruct(task):
-                self._apply(job, message)
+                self._apply_message(job, message)
 
-    def _apply(self, job: Job, message: Message) -> None:
+    def _apply_message(self, job: Job, message: Message) -> None:
         with self._lock:
             if job.finished:
                 return

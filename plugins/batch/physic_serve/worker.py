@@ -84,7 +84,7 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(
-            target=_work, args=(theirs, config, exports, open_), daemon=True
+            target=_worker_main, args=(theirs, config, exports, open_), daemon=True
         )
         with processes_started_safely():
             self._process.start()
@@ -138,7 +138,7 @@ class Worker:
         return message
 
 
-def _work(
+def _worker_main(
     pipe: Connection, config: Any, exports: tuple[str, ...], open_: Callable[[Any], Reconstruct]
 ) -> None:
     # Ctrl-C reaches the server, which ends this process
@@ -152,7 +152,7 @@ def _work(
         pipe.send(Message("ready"))
         while True:
             pipe.send(
-                _run(
+                _run_task(
                     pipe.recv(),
                     reconstruct,
                     exports,
@@ -161,7 +161,7 @@ def _work(
             )
 
 
-def _run(
+def _run_task(
     task: Task, reconstruct: Reconstruct, exports: tuple[str, ...], progress: Progress
 ) -> Message:
     """Reconstruct the photo of a task and write its files; whatever goes wrong becomes a

@@ -103,7 +103,10 @@ class BodyFiles:
         path = self.file("smplx", gender)
         model = _model(str(path))
         pose = np.concatenate(
-            [_pose(parameters, name, 3 * count, path) for name, count in ROTATION_FIELDS]
+            [
+                _pose_smpl_vertices(parameters, name, 3 * count, path)
+                for name, count in ROTATION_FIELDS
+            ]
         )
         rotations = rotvec_to_rotmat_numpy(pose.reshape(-1, 3))
         transl = checked_numbers(parameters.get("transl", np.zeros(3)), (3,), "transl")
@@ -136,7 +139,9 @@ class BodyFiles:
         return None if carried is None else carried[:, 0] >= 0.5
 
 
-def _pose(parameters: Mapping[str, Any], name: str, size: int, path: Path) -> Float64Array:
+def _pose_smpl_vertices(
+    parameters: Mapping[str, Any], name: str, size: int, path: Path
+) -> Float64Array:
     """Return a rotation vector of each joint, as one array."""
     rotations = np.ravel(parameters.get(name, np.zeros(size)))
     if "hand" in name and 6 <= rotations.size <= 24:

@@ -167,7 +167,7 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
         raise InputError(
             f"the results are of {sizes[0]} and {sizes[1]} px: compare two results of one photo"
         )
-    matching = match_by_masks(_masks(b), _masks(a))
+    matching = match_by_masks(_people_masks(b), _people_masks(a))
     partner = matching.predicted_of
     pairs = [_pair(a, b, index, partner.get(index)) for index in range(len(a.people))]
     added = [_pair(a, b, None, int(index)) for index in matching.false_alarms]
@@ -175,10 +175,10 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
     return Comparison(
         photo=a.photo_name or b.photo_name or name,
         changed=_changes(a, b),
-        usable=(_usable(a), _usable(b)),
+        usable=(_usable_text(a), _usable_text(b)),
         focal_px=(a.intrinsics.fx, b.intrinsics.fx),
-        depth_m=(_median(depths[0]), _median(depths[1])),
-        depth_difference=_median(np.abs(np.subtract(*depths, dtype=np.float64)) / depths[0]),
+        depth_m=(_median_depth(depths[0]), _median_depth(depths[1])),
+        depth_difference=_median_depth(np.abs(np.subtract(*depths, dtype=np.float64)) / depths[0]),
         people=(*pairs, *added),
     )
 
@@ -189,7 +189,7 @@ def table_rows(photo: Comparison) -> list[tuple[str, ...]]:
     """
     rows = [
         (photo.photo, *photo.usable, "", "", "", "", ""),
-        ("  median depth of the scene", "", "", *map(_metres, photo.depth_m), "", "", ""),
+        ("  median depth of the scene", "", "", *map(_metres_text, photo.depth_m), "", "", ""),
     ]
     for person in photo.people:
         joints = ["-" if one is None else str(one) for one in (person.joints, person.pose)]
@@ -200,9 +200,9 @@ def table_rows(photo: Comparison) -> list[tuple[str, ...]]:
         contact = "; ".join(
             f"only {name}: {text}" for name, text in zip("AB", counts, strict=True) if text
         )
-        distances = map(_metres, person.distance_m)
+        distances = map(_metres_text, person.distance_m)
         rows.append(
-            (f"  {_title(person)}", *_mark_texts(person.marks), *distances, *joints, contact)
+            (f"  {_person_title(person)}", *_mark_texts(person.marks), *distances, *joints, contact)
         )
     return rows
 
@@ -306,7 +306,7 @@ def _by_photo(folder: Path) -> dict[tuple[str, int], Path]:
     return result_of
 
 
-def _masks(result: Reconstruction) -> BoolArray:
+def _people_masks(result: Reconstruction) -> BoolArray:
     none = np.zeros((0, *result.image.shape[:2]), bool)
     return np.concatenate([none, *(person.mask[None] for person in result.people)])
 
@@ -334,7 +334,7 @@ def _pair(
         ),
         joints=joints,
         pose=pose,
-        contacts=(_contacts(person), _contacts(other_person)),
+        contacts=(_contact_texts(person), _contact_texts(other_person)),
         from_given_m=(_from_given(person), _from_given(other_person)),
     )
 
@@ -348,7 +348,7 @@ def _from_given(person: Person | None) -> tuple[float, float] | None:
     return float(np.linalg.norm(moved[0])), float(pose)
 
 
-def _contacts(person: Person | None) -> tuple[str, ...]:
+def _contact_texts(person: Person | None) -> tuple[str, ...]:
     """Return likely contacts as "part: what it touches"."""
     likely = [] if person is None else [one for one in person.contacts if one.likely]
     texts = [
@@ -405,7 +405,7 @@ def _changes(a: Reconstruction, b: Reconstruction) -> tuple[str, ...]:
         name: (old[name], new[name]) for name in old.keys() & new.keys() if old[name] != new[name]
     }
     settings = tuple(
-        f"{name}: {' -> '.join(_texts(name, values))}" for name, values in changed.items()
+        f"{name}: {' -> '.join(_setting_texts(name, values))}" for name, values in changed.items()
     )
     # of digest: of the file, or of the pixels
     kinds = {one.photo.partition(":")[0] for one in (a, b)}
@@ -442,7 +442,7 @@ def _settings(result: Reconstruction) -> dict[str, Any]:
     }
 
 
-def _texts(name: str, values: tuple[Any, Any]) -> list[str]:
+def _setting_texts(name: str, values: tuple[Any, Any]) -> list[str]:
     """Return two values of a setting as texts, backends of different names without their
     distributions.
     """
@@ -451,15 +451,15 @@ def _texts(name: str, values: tuple[Any, Any]) -> list[str]:
     return full if "." in name or short[0] == short[1] else short
 
 
-def _median(depths: FloatArray) -> float | None:
+def _median_depth(depths: FloatArray) -> float | None:
     return float(np.median(depths)) if len(depths) else None
 
 
-def _usable(result: Reconstruction) -> str:
+def _usable_text(result: Reconstruction) -> str:
     return usable_text(result.usable, len(result.people))
 
 
-def _title(person: PersonPair) -> str:
+def _person_title(person: PersonPair) -> str:
     one, other = person.index
     if one == other:
         return f"person {one}"
@@ -473,7 +473,7 @@ def _mark_texts(pair: tuple[Marks | None, Marks | None]) -> tuple[str, str]:
     return one, other
 
 
-def _metres(value: float | None) -> str:
+def _metres_text(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f} m"
 
 
@@ -508,7 +508,7 @@ def _sections(photo: Comparison) -> Iterator[tuple[str, Sequence[tuple[Any, ...]
     """
     a, b = photo.depth_m
     ratio = f"x {b / a:.2f}" if a and b else ""
-    depth = ("median depth of the scene", _metres(a), _metres(b), ratio)
+    depth = ("median depth of the scene", _metres_text(a), _metres_text(b), ratio)
     yield "Photo", [("usable", *photo.usable, ""), depth]
     for person in photo.people:
         distance_a, distance_b = person.distance_m
@@ -520,7 +520,7 @@ def _sections(photo: Comparison) -> Iterator[tuple[str, Sequence[tuple[Any, ...]
         differences = {"joints": person.joints, "pose": person.pose}
         rows = [
             ("usable", *_mark_texts(person.marks), _change_text(person.marks)),
-            ("distance", _metres(distance_a), _metres(distance_b), further),
+            ("distance", _metres_text(distance_a), _metres_text(distance_b), further),
             *(
                 (name, "", "", str(value))
                 for name, value in differences.items()
@@ -528,4 +528,4 @@ def _sections(photo: Comparison) -> Iterator[tuple[str, Sequence[tuple[Any, ...]
             ),
             ("contact", *person.contacts, ""),
         ]
-        yield _title(person).capitalize(), rows
+        yield _person_title(person).capitalize(), rows

@@ -182,7 +182,7 @@ def picture_file(frame: Frame, folder: Path) -> Path:
         )
     picture = frame.picture
     camera = frame.camera
-    pixels = _pixels(picture)
+    pixels = _rgb_pixels(picture)
     if pixels.shape[:2] != (camera.height, camera.width):
         raise InputError(
             f"{picture.path} has {pixels.shape[1]} x {pixels.shape[0]} px, but its camera is "
@@ -207,7 +207,7 @@ def write_picture(path: Path, pixels: UInt8Array) -> None:
 
     if os.path.lexists(path):
         try:
-            is_same = np.array_equal(_pixels(Picture(path)), pixels)
+            is_same = np.array_equal(_rgb_pixels(Picture(path)), pixels)
         except DamagedFrameError as error:
             raise foreign_file(path) from error
         if not is_same:
@@ -217,7 +217,7 @@ def write_picture(path: Path, pixels: UInt8Array) -> None:
         Image.fromarray(pixels).save(temporary(path.name), format="PNG")
 
 
-def _pixels(picture: Picture) -> UInt8Array:
+def _rgb_pixels(picture: Picture) -> UInt8Array:
     """Return the pixels (H, W, 3) RGB, upright."""
     with open_picture(picture.path) as file:
         pixels = np.array(file.convert("RGB"))

@@ -75,7 +75,9 @@ def mean_column(
     key: str, label: str, definition: str, digits: int = 1, better: str = "low"
 ) -> Column:
     """Return the mean of an entry over the records that have it."""
-    return Column(key, label, definition, partial(_value_if_known, key=key), _mean, digits, better)
+    return Column(
+        key, label, definition, partial(_value_if_known, key=key), _mean_of_sums, digits, better
+    )
 
 
 def _value_if_known(record: Record, key: str) -> Sequence[float] | None:
@@ -87,13 +89,13 @@ def _value_if_known(record: Record, key: str) -> Sequence[float] | None:
     )
 
 
-def _ratio(top: Float64Array, bottom: Float64Array) -> Float64Array:
+def _safe_ratio(top: Float64Array, bottom: Float64Array) -> Float64Array:
     """Return top / bottom; NaN where the bottom is 0."""
     return np.where(bottom > 0, top / np.where(bottom > 0, bottom, 1.0), np.nan)
 
 
-def _mean(sums: Float64Array) -> Float64Array:
-    return _ratio(sums[..., 0], sums[..., 1])
+def _mean_of_sums(sums: Float64Array) -> Float64Array:
+    return _safe_ratio(sums[..., 0], sums[..., 1])
 
 
 def contact_columns(
@@ -132,11 +134,11 @@ def _contact_sums(
 
 
 def _contact_value(sums: Float64Array, figure: str) -> Float64Array:
-    precision, recall, f1 = (_ratio(sums[..., k], sums[..., 6]) for k in range(3))
+    precision, recall, f1 = (_safe_ratio(sums[..., k], sums[..., 6]) for k in range(3))
     if figure == "f1_pooled":
-        return _ratio(2 * sums[..., 3], 2 * sums[..., 3] + sums[..., 4] + sums[..., 5])
+        return _safe_ratio(2 * sums[..., 3], 2 * sums[..., 3] + sums[..., 4] + sums[..., 5])
     total = precision + recall
-    harmonic = np.where(total > 0, _ratio(2 * precision * recall, total), 0.0 * total)
+    harmonic = np.where(total > 0, _safe_ratio(2 * precision * recall, total), 0.0 * total)
     return {"precision": precision, "recall": recall, "f1_mean": f1, "f1_of_means": harmonic}[
         figure
     ]

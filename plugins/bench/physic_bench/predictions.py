@@ -42,21 +42,25 @@ def read_physic(folder: Path, frame: Frame) -> Prediction | None:
     from physic_core.files import paths_inside
     from physic_core.io.result_folder import is_result
 
-    for name in _names(frame):
+    for name in _possible_names(frame):
         folders = paths_inside(folder, (photo_folder(name), name, f"{name}-physic"))
         for result_folder in folders.values():
             if is_result(result_folder):
                 result = load_reconstruction(result_folder)
                 floor = result.scene.floor
                 return Prediction(
-                    tuple(_person(p, result) for p in result.people if np.isfinite(p.joints).all()),
+                    tuple(
+                        _bench_person(p, result)
+                        for p in result.people
+                        if np.isfinite(p.joints).all()
+                    ),
                     result.intrinsics.resized(frame.camera.width, frame.camera.height).matrix,
                     None if floor is None else np.array([*floor.normal, floor.offset], np.float64),
                 )
     return None
 
 
-def _person(person: Person, result: Reconstruction) -> BenchPerson:
+def _bench_person(person: Person, result: Reconstruction) -> BenchPerson:
     contact = person.contact
     if person.contact_partner is not None:  # no data set annotates contact with the own body
         touches_self = np.array(
@@ -85,7 +89,9 @@ def read_plain(folder: Path, frame: Frame) -> Prediction | None:
     Raises:
         DamagedFrameError: it is damaged.
     """
-    path = next((p for name in _names(frame) if (p := folder / f"{name}.npz").is_file()), None)
+    path = next(
+        (p for name in _possible_names(frame) if (p := folder / f"{name}.npz").is_file()), None
+    )
     if path is None:
         return None
     arrays = read_npz(path)
@@ -136,7 +142,7 @@ def _topology(arrays: Mapping[str, Any], count: int) -> str:
     )
 
 
-def _names(frame: Frame) -> Iterator[str]:
+def _possible_names(frame: Frame) -> Iterator[str]:
     """Yield the names that other tools give to a frame: its id, with and without folders, and its
     picture's.
     """

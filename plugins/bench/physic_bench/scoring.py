@@ -204,7 +204,7 @@ def pose_errors(
     hips = None
     names = common_joints(predicted, person)
     if names:
-        estimated, true = (_rows(p, names) for p in (predicted, person))
+        estimated, true = (_joint_rows(p, names) for p in (predicted, person))
         is_known = np.asarray(np.isfinite(true).all(-1))
         pair = [
             k for k, name in enumerate(names) if name in ("left_hip", "right_hip") and is_known[k]
@@ -265,7 +265,7 @@ def true_contacts(
         return {"annotated": (person.contact, person.contact_topology)}
     if truth.scene is None or person.vertices is None:
         return {}
-    distance = _distance(frame, truth.scene, person.vertices)
+    distance = _scene_distance(frame, truth.scene, person.vertices)
     return {f"{cm} cm": (contact_by_rule(distance, cm / 100), person.topology) for cm in CONTACT_CM}
 
 
@@ -309,7 +309,7 @@ def _scene_errors(
     """Return penetration and floating of the predicted body in the true scene, mm."""
     if truth.scene is None or predicted.vertices is None:
         return {}
-    distance = _distance(frame, truth.scene, predicted.vertices)
+    distance = _scene_distance(frame, truth.scene, predicted.vertices)
     deep = penetration(distance)
     record = {
         "penetration_mm": 1000 * float(deep.mean_depth),
@@ -332,7 +332,7 @@ def _floor_errors(truth: Truth, prediction: Prediction) -> Record:
     }
 
 
-def _rows(person: BenchPerson, wanted: Sequence[str]) -> Float64Array:
+def _joint_rows(person: BenchPerson, wanted: Sequence[str]) -> Float64Array:
     return np.asarray(person.joints, np.float64)[
         [person.joint_names.index(name) for name in wanted]
     ]
@@ -346,7 +346,7 @@ def _no_transfer_text(what: str, source: str, target: str) -> str:
     )
 
 
-def _distance(
+def _scene_distance(
     frame: Frame, scene: Surface | Callable[[Float64Array], Float64Array], points: Float64Array
 ) -> Float64Array:
     """Return the signed distance (N,) m of points (N, 3) of the camera frame to a scene."""

@@ -62,8 +62,8 @@ def write_results(
         for name in others
     }
     parts = [
-        _rows(figures, known_columns, signed=False),
-        _rows(differences, known_columns, signed=True),
+        _table_rows(figures, known_columns, signed=False),
+        _table_rows(differences, known_columns, signed=True),
     ]
     lines = [*notes, MARK]
     bullets = [f"- {' '.join(line.splitlines())}" for line in lines]
@@ -101,7 +101,7 @@ def _tables_text(
     return "\n\n".join([figures, title, differences])
 
 
-def _rows(shown: Figures, columns: Sequence[Column], *, signed: bool) -> list[list[str]]:
+def _table_rows(shown: Figures, columns: Sequence[Column], *, signed: bool) -> list[list[str]]:
     """Return the table of figures of methods, without rows that have none."""
     rows = [["", *shown, "of"]]
     for column in columns:

@@ -173,7 +173,7 @@ def find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     ids = sample_vertices(model)
     surface = SurfaceIndex(rest.vertices.astype(np.float64), rest.faces.astype(np.int64))
     fit = _register(
-        _align_tips(rest.vertices, SampledBodyModel.of(model, _tips(mean))),
+        _align_tips(rest.vertices, SampledBodyModel.of(model, _tip_vertices(mean))),
         surface,
         SampledBodyModel.of(model, ids),
         vertex_normals(mean, faces)[ids],
@@ -201,7 +201,7 @@ def _align_tips(vertices: FloatArray, patches: SampledBodyModel) -> BodyFit:
     """Fit crown, fingertips and toes of a model, ``patches``, to those of a mesh (V, 3), with rigid
     arms and legs.
     """
-    targets = vertices[_tips(vertices)].astype(np.float64)[None]
+    targets = vertices[_tip_vertices(vertices)].astype(np.float64)[None]
     weights = np.full((1, len(patches.ids)), 1 / _TIP_SIGMA_M**2)
     world = np.broadcast_to(np.eye(3), (1, 55, 3, 3)).copy()
     for _ in range(4):
@@ -216,7 +216,7 @@ def _align_tips(vertices: FloatArray, patches: SampledBodyModel) -> BodyFit:
     return BodyFit(world, betas, transl)
 
 
-def _tips(points: FloatArray) -> Int64Array:
+def _tip_vertices(points: FloatArray) -> Int64Array:
     """Return the vertex ids of the crown, the fingertips and the toes of a T-pose (V, 3), left
     before right.
     """

@@ -33,17 +33,19 @@ def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     kept = claimed_cache("correspondences")
     path = None
     if kept is not None:
-        name = f"{plain_name(rest.topology)}-{model.topology}-{_digest(rest, model)}"
+        name = f"{plain_name(rest.topology)}-{model.topology}-{_mesh_digest(rest, model)}"
         path = kept.path / f"{name}{kept.suffix}"
-    correspondence = None if path is None else _read(path, model.num_vertices, len(rest.vertices))
+    correspondence = (
+        None if path is None else _read_correspondence(path, model.num_vertices, len(rest.vertices))
+    )
     if correspondence is None:
         correspondence = find_correspondence(rest, model)
         if path is not None:
-            _write(path, correspondence)
+            _write_correspondence(path, correspondence)
     return correspondence
 
 
-def _digest(rest: RestMesh, model: BodyModel) -> str:
+def _mesh_digest(rest: RestMesh, model: BodyModel) -> str:
     digest = hashlib.blake2b(f"{CORRESPONDENCE_VERSION} {model.topology}".encode(), digest_size=12)
     for array in (
         rest.vertices.astype(np.float32),
@@ -54,7 +56,7 @@ def _digest(rest: RestMesh, model: BodyModel) -> str:
     return digest.hexdigest()
 
 
-def _read(path: Path, vertices: int, source_vertices: int) -> Correspondence | None:
+def _read_correspondence(path: Path, vertices: int, source_vertices: int) -> Correspondence | None:
     try:
         correspondence: Correspondence = read_value(path, [Correspondence], {"name": path.name})
     except (OSError, DamagedFileError):
@@ -73,7 +75,7 @@ def _read(path: Path, vertices: int, source_vertices: int) -> Correspondence | N
     )
 
 
-def _write(path: Path, correspondence: Correspondence) -> None:
+def _write_correspondence(path: Path, correspondence: Correspondence) -> None:
     """Store a map; a disk error is ignored, since the map can be computed again in seconds."""
     with suppress(OSError, OutputError):
         write_value(path, correspondence, {"name": path.name})

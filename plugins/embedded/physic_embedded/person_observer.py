@@ -167,13 +167,13 @@ class EmbeddedPersonObserver(PackagedBackend, PersonObserver):
         said = observations_from_features(
             features_of_questions(tokens, people.boxes, keypoints), fitted_numbers()
         )
-        head = self._heads(image, keypoints, intrinsics)
+        head = self._face_directions(image, keypoints, intrinsics)
         seen = np.isfinite(head).all(1)
         return replace(
             said, head=head, head_sigma=np.where(seen, _HEAD_SIGMA_DEG, np.nan).astype(np.float32)
         )
 
-    def _heads(
+    def _face_directions(
         self, image: UInt8Array, keypoints: Keypoints, intrinsics: Intrinsics
     ) -> Float32Array:
         """Return the unit vectors (N, 3) in which the faces look, camera frame; NaN without."""

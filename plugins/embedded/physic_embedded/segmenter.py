@@ -140,7 +140,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         reported, unposed_mask = segment_unposed(
             networks["mobilesam_decoder"], embedding, unposed, poses, people, surfaces
         )
-        floor = self._floor(embedding, poses, people | unposed_mask, surfaces)
+        floor = self._floor_mask(embedding, poses, people | unposed_mask, surfaces)
         seen = self._people(found, masks, floor, surfaces, image)
         result = replace(
             seen,
@@ -174,7 +174,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             masks = _reassign_parts(masks, sure, repeats, alone)
         return found, _with_given_masks(masks, prompt)
 
-    def _floor(
+    def _floor_mask(
         self,
         embedding: ImageEmbedding,
         poses: list[Pose],

@@ -117,7 +117,7 @@ def _people_of(document: Any) -> list[Mapping[str, Any]]:
     return [one for one in people if "pred_cam_t" in one] if is_list else []
 
 
-def _rows(document: Mapping[str, Any], name: str, *shape: int) -> Float64Array:
+def _array_rows(document: Mapping[str, Any], name: str, *shape: int) -> Float64Array:
     """Return an array (N, *shape) of a document, also of one person without N.
 
     Raises:
@@ -141,17 +141,17 @@ def _cameras(document: Mapping[str, Any], count: int) -> Float64Array | None:
     """Return the cameras (N, 4) of a camera matrix or of each person's; None if there is none."""
     for key in _CAMERA_KEYS:
         if key in document:
-            numbers = _rows(document, key, 9)[:, [0, 4, 2, 5]]
+            numbers = _array_rows(document, key, 9)[:, [0, 4, 2, 5]]
             return np.broadcast_to(numbers, (count, 4))
     return None
 
 
-def _sam_3d_body(document: Any, file: FileOfPhoto) -> _Record:
+def _record_of_sam_3d_body(document: Any, file: FileOfPhoto) -> _Record:
     from physic_networks.bodies import joints_from_mhr70
 
     people = _people_of(document)
     each = {
-        name: np.concatenate([_rows(one, name, *shape) for one in people])
+        name: np.concatenate([_array_rows(one, name, *shape) for one in people])
         for name, shape in _SAM_3D_BODY.items()
         if name in people[0]
     }
@@ -166,7 +166,7 @@ def _sam_3d_body(document: Any, file: FileOfPhoto) -> _Record:
     )
 
 
-def _frame(count: int, file: FileOfPhoto) -> int:
+def _frame_of_file(count: int, file: FileOfPhoto) -> int:
     """Return which of some pictures of a film is meant."""
     _check_count(count)
     if file.frame is None and count > 1:
@@ -181,16 +181,16 @@ def _check_count(count: int) -> None:
         raise ValueError("it states no person")
 
 
-def _gvhmr(document: Any, file: FileOfPhoto) -> _Record:
+def _record_of_gvhmr(document: Any, file: FileOfPhoto) -> _Record:
     parameters = document["smpl_params_incam"]
-    at = _frame(len(parameters["transl"]), file)
+    at = _frame_of_file(len(parameters["transl"]), file)
     values = {name: np.asarray(parameters[name])[at : at + 1] for name in _NAMES}
     if "K_fullimg" in document:
         values["K"] = np.asarray(document["K_fullimg"])[at]
     return _posed("GVHMR", values, mean_hands=True)
 
 
-def _prompt_hmr(document: Any, file: FileOfPhoto) -> _Record:
+def _record_of_prompt_hmr(document: Any, file: FileOfPhoto) -> _Record:
     turns = np.asarray(document["rotmat"])
     values = {"global_orient": turns[:, :1], "body_pose": turns[:, 1:_BODY]}
     values |= {name: document[name] for name in ("betas", "transl")}
@@ -204,17 +204,17 @@ def _is_wham(document: Any) -> bool:
     return bool(people) and all(_has_keys("pose", "pose_world", "frame_ids")(one) for one in people)
 
 
-def _wham(document: Any, file: FileOfPhoto) -> _Record:
+def _record_of_wham(document: Any, file: FileOfPhoto) -> _Record:
     people = list(document.values())
     frames = [np.ravel(one["frame_ids"]) for one in people]
     frame_numbers = np.concatenate(frames)
     _check_count(len(frame_numbers))
     is_film = file.frame is not None or len(np.unique(frame_numbers)) > 1
-    frame = _frame(int(frame_numbers.max()) + 1, file) if is_film else frame_numbers[0]
+    frame = _frame_of_file(int(frame_numbers.max()) + 1, file) if is_film else frame_numbers[0]
     is_shown = [numbers == frame for numbers in frames]
     pose, betas, transl = (
         np.concatenate(
-            [_rows(one, name, n)[rows] for one, rows in zip(people, is_shown, strict=True)]
+            [_array_rows(one, name, n)[rows] for one, rows in zip(people, is_shown, strict=True)]
         )
         for name, n in (("pose", 72), ("betas", 10), ("trans", 3))
     )
@@ -225,13 +225,17 @@ def _wham(document: Any, file: FileOfPhoto) -> _Record:
     )
 
 
-def _amass(document: Any, file: FileOfPhoto) -> _Record:
+def _record_of_amass(document: Any, file: FileOfPhoto) -> _Record:
     poses = matrix(document["poses"], "poses")
     poses = poses.reshape(-1, poses.shape[-1])
     is_still = file.frame is None and len(poses) > 0 and not np.ptp(poses, axis=0).any()
-    at = 0 if is_still else _frame(len(poses), file)
+    at = 0 if is_still else _frame_of_file(len(poses), file)
     shape = matrix(document.get("betas", np.zeros(10)), "betas")
-    parameters = poses[at : at + 1], shape.reshape(1, -1), _rows(document, "trans", 3)[at : at + 1]
+    parameters = (
+        poses[at : at + 1],
+        shape.reshape(1, -1),
+        _array_rows(document, "trans", 3)[at : at + 1],
+    )
     return _record_of_rotvecs("AMASS", *parameters, _cameras(document, 1))
 
 
@@ -253,12 +257,12 @@ def _record_of_rotvecs(
     return _Record(tool, model, turns, betas, transl=transl, camera=camera)
 
 
-def _parameters(document: Any, file: FileOfPhoto) -> _Record:
+def _record_of_parameters(document: Any, file: FileOfPhoto) -> _Record:
     """Read the dictionary of SMPL, SMPL-H or SMPL-X; SMPLer-X has the camera of each beside it."""
     about = _meta_of(file.path)
     if not about:
         return _posed("parameters", document)
-    camera = np.concatenate([_rows(about, name, 2) for name in ("focal", "princpt")], 1)
+    camera = np.concatenate([_array_rows(about, name, 2) for name in ("focal", "princpt")], 1)
     return replace(_posed("SMPLer-X", document, mean_hands=True), camera=camera)
 
 
@@ -286,8 +290,8 @@ def _posed(tool: str, document: Mapping[str, Any], *, mean_hands: bool = False) 
         "smpl" if joints == 23 else "smplh" if _has_hands_alone(document) else "smplx",
         turns,
         betas,
-        None if face is None else _rows(document, "expression", np.shape(face)[-1]),
-        None if transl_name is None else _rows(document, transl_name, 3),
+        None if face is None else _array_rows(document, "expression", np.shape(face)[-1]),
+        None if transl_name is None else _array_rows(document, transl_name, 3),
         camera=_cameras(document, count),
         mean_hands=mean_hands,
         is_placed=transl_name is not None,
@@ -321,7 +325,7 @@ def _is_mesh(document: Any) -> bool:
     return isinstance(document, Mapping) and any(hasattr(m, "faces") for m in document.values())
 
 
-def _meshes(document: Any, file: FileOfPhoto) -> _Record:
+def _record_of_meshes(document: Any, file: FileOfPhoto) -> _Record:
     """Read vertices of a known topology; the file's axes are told by where the bodies are."""
     vertices = _vertices(document)
     model = _VERTICES[vertices.shape[1]]
@@ -383,11 +387,11 @@ def _focal_of_sidecar(path: Path) -> float | None:
 
 
 _FORMS: Sequence[tuple[Callable[[Any], bool], Callable[[Any, FileOfPhoto], _Record]]] = (
-    (_has_keys("smpl_params_incam"), _gvhmr),
-    (_has_keys("rotmat", "betas", "transl", "cam_int"), _prompt_hmr),
-    (lambda document: bool(_people_of(document)), _sam_3d_body),
-    (_is_wham, _wham),
-    (_has_keys("poses", "trans"), _amass),
-    (_has_keys("global_orient", "body_pose", "betas"), _parameters),
-    (_is_mesh, _meshes),
+    (_has_keys("smpl_params_incam"), _record_of_gvhmr),
+    (_has_keys("rotmat", "betas", "transl", "cam_int"), _record_of_prompt_hmr),
+    (lambda document: bool(_people_of(document)), _record_of_sam_3d_body),
+    (_is_wham, _record_of_wham),
+    (_has_keys("poses", "trans"), _record_of_amass),
+    (_has_keys("global_orient", "body_pose", "betas"), _record_of_parameters),
+    (_is_mesh, _record_of_meshes),
 )

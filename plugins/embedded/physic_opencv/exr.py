@@ -73,12 +73,12 @@ def check_size(path: Path, size: int) -> None:
 
 def _byte_count(header: Mapping[str, Any]) -> int:
     """Return the bytes of all channels on the larger of the two windows."""
-    sizes = [_window(header, name) for name in ("dataWindow", "displayWindow")]
+    sizes = [_header_window(header, name) for name in ("dataWindow", "displayWindow")]
     pixels = max(max(0, x1 - x0) * max(0, y1 - y0) for x0, y0, x1, y1 in sizes)
     return pixels * _VALUE_BYTES * len(header["channels"])
 
 
-def _window(header: Mapping[str, Any], name: str) -> tuple[int, int, int, int]:
+def _header_window(header: Mapping[str, Any], name: str) -> tuple[int, int, int, int]:
     """Return a window's x0, y0, x1 and y1, of which the last two are outside."""
     (x0, y0), (x1, y1) = header[name]
     return int(x0), int(y0), int(x1) + 1, int(y1) + 1
@@ -88,8 +88,8 @@ def _on_display_window(
     pixels: NDArray[np.generic], header: Mapping[str, Any], path: Path
 ) -> NDArray[np.generic]:
     """Return a channel on the display window. Channels of whole numbers stay as they are."""
-    stored = _window(header, "dataWindow")
-    display_window = _window(header, "displayWindow")
+    stored = _header_window(header, "dataWindow")
+    display_window = _header_window(header, "displayWindow")
     if stored == display_window or not np.issubdtype(pixels.dtype, np.floating):
         return pixels
     x0, y0, x1, y1 = (

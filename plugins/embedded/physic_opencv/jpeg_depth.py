@@ -33,7 +33,7 @@ def read_jpeg_depth(path: Path) -> tuple[FloatArray, bool]:
     """
     source = ImageSource(str(path), path=path, what="depth map")
     with open_image(source) as (image, _):
-        xmp = _xmp(image)
+        xmp = _read_xmp(image)
     entries = {name.decode(): value.decode("latin-1") for name, value in _ENTRY.findall(xmp)}
     if "Data" not in entries:
         kind = b"photos/dd/1.0" in xmp
@@ -69,7 +69,7 @@ def read_jpeg_depth(path: Path) -> tuple[FloatArray, bool]:
     return depth, entries.get("Units") != "m"
 
 
-def _xmp(image: Any) -> bytes:
+def _read_xmp(image: Any) -> bytes:
     """Return the XMP data of a JPEG of Pillow, with what did not fit into its first segment."""
     main = image.info.get("xmp") or b""
     parts = [

@@ -123,10 +123,10 @@ def _masks_of_json(document: Any, file: FileOfPhoto) -> MasksInFile:
 
 
 def _masks_of_entries(entries: list[Any], size: tuple[int, int]) -> BoolArray:
-    return np.stack([_mask(one["segmentation"], size) for one in entries])
+    return np.stack([_decode_mask(one["segmentation"], size) for one in entries])
 
 
-def _mask(segmentation: Any, size: tuple[int, int]) -> BoolArray:
+def _decode_mask(segmentation: Any, size: tuple[int, int]) -> BoolArray:
     """Return the mask (H, W) of polygons, or of run lengths that are by column."""
     if isinstance(segmentation, list):
         return _union_of_polygons(

@@ -56,7 +56,7 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
         for number, step in enumerate(needed.steps, 1):
             echo(f"{number}. {step.title}: {'done' if step.is_done else 'to do'}")
             if not step.is_done:
-                _run(step)
+                _run_step(step)
         needed = _setup_of(preset, setup_folder)
         left = [step for step in needed.steps if not step.is_done]
         echo(f"\n{len(needed.steps) - len(left)} of {len(needed.steps)} steps are done")
@@ -123,7 +123,7 @@ def _cost_lines(plan: Setup) -> Iterator[str]:
         )
 
 
-def _run(step: SetupStep) -> None:
+def _run_step(step: SetupStep) -> None:
     """Run the commands of a step, or write its file."""
     for command in step.commands:
         _run_command(command)

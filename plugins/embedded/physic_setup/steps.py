@@ -120,17 +120,17 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
         return Setup((_plugins_step(uninstalled),))
     plan = resolve(config)
     sets = named_weights(plan)
-    repositories = _unique(plan, Repository)
-    files = _unique(plan, UserFile)
+    repositories = _unique_requirements(plan, Repository)
+    files = _unique_requirements(plan, UserFile)
     absent = {file for _, file in files if not file.is_here}
     sizes = [*_missing_weights(sets), *((file.name, file.bytes) for file in absent)]
     accounts = [*_accounts(sets), *(file.account for file in absent if file.account)]
-    gpu = _unique(plan, GpuMemory)
+    gpu = _unique_requirements(plan, GpuMemory)
     unpinned = _unpinned(sets, repositories)
     steps = (
         _packages_step(plan),
         _free_weights_step(sets),
-        _code_step(repositories, folder),
+        _repositories_step(repositories, folder),
         *(_restricted_weights_step(weights) for weights in sets if not _is_downloadable(weights)),
         *(_user_file_step(file, folder) for file in dict.fromkeys(file for _, file in files)),
         _config_file_step(preset, folder, [*repositories, *files]),
@@ -186,7 +186,7 @@ def _unpinned(
     return (*files, *(one.url for _, one in repositories if not one.commit))
 
 
-def _unique(plan: ResolvedPipeline, kind: type[_Kind]) -> list[tuple[str, _Kind]]:
+def _unique_requirements(plan: ResolvedPipeline, kind: type[_Kind]) -> list[tuple[str, _Kind]]:
     """Return the requirements of one kind, with their interfaces; a repository or file of two
     backends is in both.
     """
@@ -239,7 +239,9 @@ def _constraints() -> str:
 
 
 def _packages_step(plan: ResolvedPipeline) -> SetupStep | None:
-    modules = sorted({module for _, one in _unique(plan, Packages) for module in one.modules})
+    modules = sorted(
+        {module for _, one in _unique_requirements(plan, Packages) for module in one.modules}
+    )
     lacking = [PIP_NAMES.get(module, module) for module in modules if find_spec(module) is None]
     if not modules:
         return None
@@ -306,7 +308,9 @@ def _restricted_weights_step(weights: WeightSet) -> SetupStep:
     )
 
 
-def _code_step(repositories: list[tuple[str, Repository]], folder: Path) -> SetupStep | None:
+def _repositories_step(
+    repositories: list[tuple[str, Repository]], folder: Path
+) -> SetupStep | None:
     commands = []
     for one in {_checkout_folder(one, folder): one for _, one in repositories}.values():
         if not one.is_here:

@@ -133,7 +133,9 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
     for listed in chosen:
         name = listed.weights.name
         try:
-            fetched = fetch_set(listed.weights, accept=accept, to=to, report=partial(_report, name))
+            fetched = fetch_set(
+                listed.weights, accept=accept, to=to, report=partial(_print_download, name)
+            )
         except PhysicError as error:
             failed = True
             echo(f"{name}: {error}", err=True)
@@ -155,5 +157,5 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
     ctx.exit(WEIGHTS if failed else 0)
 
 
-def _report(name: str, file: WeightFile) -> None:
+def _print_download(name: str, file: WeightFile) -> None:
     echo(f"{name}: {file.path} ({format_size(file.bytes) or '-'})", err=True)

@@ -67,7 +67,7 @@ class _MogeBackend(OnnxBackend):
             "moge-2",
             made_of,
             {"image": image},
-            lambda: _run(self.network, image, self.options.tokens),
+            lambda: _run_network(self.network, image, self.options.tokens),
         )
 
     def _predict_pointmap(
@@ -174,7 +174,7 @@ def network_input_size(height: int, width: int, tokens: int) -> tuple[int, int, 
     return rows * _PATCH, columns * _PATCH, rows * columns
 
 
-def _run(network: Network, image: UInt8Array, tokens: int) -> tuple[AnyArray, ...]:
+def _run_network(network: Network, image: UInt8Array, tokens: int) -> tuple[AnyArray, ...]:
     """Run the network on a photo and check its outputs."""
     height, width, tokens = network_input_size(image.shape[0], image.shape[1], tokens)
     resized = resize_image(image, height, width, "bilinear-antialias")

@@ -74,10 +74,10 @@ class Network:
         self.name = path.name
         self.provider = session.provider.name
         self.inputs: Mapping[str, Port] = {
-            node.name: _port(node) for node in session.session.get_inputs()
+            node.name: _port_of_node(node) for node in session.session.get_inputs()
         }
         self.outputs: Mapping[str, Port] = {
-            node.name: _port(node) for node in session.session.get_outputs()
+            node.name: _port_of_node(node) for node in session.session.get_outputs()
         }
         self._session = session
 
@@ -167,7 +167,7 @@ def _has_operator(path: Path, start: bytes) -> bool:
         return content.find(start) >= 0
 
 
-def _port(node: Any) -> Port:
+def _port_of_node(node: Any) -> Port:
     """Convert onnxruntime's description of an input or output."""
     kind = re.sub(r"^tensor\((.*)\)$", r"\1", node.type)
     names = {"float": "float32", "double": "float64"}

@@ -41,7 +41,7 @@ def enlarged_box_slices(box: FloatArray, height: int, width: int) -> tuple[slice
     x0, y0, x1, y1 = (float(v) for v in box)
     dx = BOX_GROWTH * (x1 - x0)
     dy = BOX_GROWTH * (y1 - y0)
-    return _span(y0 - dy, y1 + dy, height), _span(x0 - dx, x1 + dx, width)
+    return _clipped_slice(y0 - dy, y1 + dy, height), _clipped_slice(x0 - dx, x1 + dx, width)
 
 
 def contact_crop(image: UInt8Array, box: FloatArray) -> FloatArray:
@@ -68,7 +68,7 @@ def contact_crop(image: UInt8Array, box: FloatArray) -> FloatArray:
     return pixels
 
 
-def _span(low: float, high: float, end: int) -> slice:
+def _clipped_slice(low: float, high: float, end: int) -> slice:
     """Return a slice from ``low`` to ``high``, clipped to [0, end) and at least 1 long."""
     first = min(max(int(low), 0), end - 1)
     return slice(first, max(min(int(high), end), first + 1))

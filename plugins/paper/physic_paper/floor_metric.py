@@ -43,7 +43,7 @@ def fit_floor_metric(
     directions = normals[candidate].double()
     if len(cloud) < _FEWEST_SAMPLES:
         return FloorSearch(None, "no_pixels")
-    plane = _ransac(cloud, directions)
+    plane = _ransac_plane(cloud, directions)
     if plane is None:
         return FloorSearch(None, "no_consensus")
     n, o = plane
@@ -64,7 +64,7 @@ def fit_floor_metric(
     return FloorSearch(fit, "found", share, below, in_mask=True)
 
 
-def _ransac(cloud: Tensor, directions: Tensor) -> tuple[Tensor, Tensor] | None:
+def _ransac_plane(cloud: Tensor, directions: Tensor) -> tuple[Tensor, Tensor] | None:
     """Return normal (3,) and offset of the plane through three points with the most inliers."""
     generator = torch.Generator().manual_seed(_SEED)
     corner = cloud[torch.randint(len(cloud), (_HYPOTHESES, 3), generator=generator)]

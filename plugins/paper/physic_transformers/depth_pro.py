@@ -81,7 +81,7 @@ class DepthPro(PretrainedBackend, MetricDepth):
             device == "cpu"
             and available_gb is not None
             and available_gb < needed
-            and _side(self.model().config) >= _LARGE
+            and _input_side(self.model().config) >= _LARGE
         ):
             self.close()
             raise DeviceError(
@@ -100,7 +100,7 @@ class DepthPro(PretrainedBackend, MetricDepth):
 
         height, width = image.shape[:2]
         network = self.model()
-        out = network.run(pixel_values=preprocess(image, _side(network.config), self.device))
+        out = network.run(pixel_values=preprocess(image, _input_side(network.config), self.device))
         camera, notes = self._camera(
             _degrees(out.field_of_view), known_camera(hints, image), width, height
         )
@@ -155,6 +155,6 @@ def preprocess(image: UInt8Array, side: int, device: str = "cpu") -> Any:
     return picture_tensor(image, (0.5, 0.5, 0.5), (0.5, 0.5, 0.5), size=(side, side), device=device)
 
 
-def _side(config: Any) -> int:
+def _input_side(config: Any) -> int:
     """Return the side of the network's input: 1536 px for the published one."""
     return round(int(config.patch_size) / float(min(config.scaled_images_ratios)))

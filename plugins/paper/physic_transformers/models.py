@@ -167,7 +167,7 @@ def open_model(
         ) from cause
     precision = "float32" if spec.samples_grids and device == "cpu" else options.precision
     try:
-        with _quiet():
+        with _quiet_loading():
             model, loading_info = kind.from_pretrained(
                 str(folder),
                 local_files_only=True,
@@ -238,7 +238,7 @@ def _check_complete(folder: Path, spec: ModelSpec, loading_info: Any) -> None:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def _quiet_loading() -> Iterator[None]:
     """Hide the library's progress bars and advice."""
     from transformers.utils import logging as library_logging
 

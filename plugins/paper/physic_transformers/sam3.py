@@ -77,7 +77,7 @@ class Sam3(PretrainedBackend, Segmenter):
             resize_image(image, side, side, "bilinear-antialias"), _MEAN, _STD, device=self.device
         )
         features = self.model().run("get_vision_features", pixel_values=pixels)
-        floor = self._floor(features, size)
+        floor = self._floor_mask_of_words(features, size)
         out = self._segment_words(features, options.people_words)
         # How well a query fits the text, if there is such a thing in the photo at all.
         scores = sigmoid(to_numpy(out.pred_logits)[0]) * sigmoid(to_numpy(out.presence_logits)[0])
@@ -98,7 +98,7 @@ class Sam3(PretrainedBackend, Segmenter):
             same=options.same_person,
         )
 
-    def _floor(self, features: Any, size: tuple[int, int]) -> BoolArray | None:
+    def _floor_mask_of_words(self, features: Any, size: tuple[int, int]) -> BoolArray | None:
         """Return the union of the masks of each floor word, because SAM 3 was trained on one short
         noun phrase at a time.
         """

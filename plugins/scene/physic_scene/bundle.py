@@ -159,7 +159,7 @@ class MomentObservations:
             landmarks=landmarks,
             shown=shown,
             size_px=gather("size_px"),
-            limb=np.array([_limb(name) for name in names]),
+            limb=np.array([_limb_number(name) for name in names]),
             bones=bones,
             bone_m=mean,
             bone_sigma=np.full(len(mean), np.nan),
@@ -402,13 +402,13 @@ def _blocks(
     known = np.flatnonzero(observations.camera_is_known).tolist()
     return [
         # The frame is that of the reference camera, which is a known one if there are any.
-        *(_prior(np.zeros(6), at.camera[v], _FIXED) for v in {reference, *known}),
-        *(_prior(np.zeros(1), at.focal[[v]], _FIXED) for v in known),
+        *(_prior_block(np.zeros(6), at.camera[v], _FIXED) for v in {reference, *known}),
+        *(_prior_block(np.zeros(1), at.focal[[v]], _FIXED) for v in known),
         _focal_block(state, observations.focal_sigma),
         # The place of a body is free; where a photo does not show the person, place and turn are
         # without meaning.
-        _prior(state.place.reshape(-1), at.place.reshape(-1), 1e4),
-        _prior(np.zeros(state.place.size), at.turn.reshape(-1), 1e4),
+        _prior_block(state.place.reshape(-1), at.place.reshape(-1), 1e4),
+        _prior_block(np.zeros(state.place.size), at.turn.reshape(-1), 1e4),
         *itertools.chain.from_iterable(
             _person_blocks(observations, state, v, p, settings)
             for v, p in zip(*np.nonzero(observations.shown), strict=True)
@@ -537,7 +537,7 @@ def _focal_block(state: Bundle, sigma: FloatArray) -> ResidualBlock:
     return ResidualBlock(residual, white[None], state.columns.focal[None], is_robust=False)
 
 
-def _limb(name: str) -> int:
+def _limb_number(name: str) -> int:
     """Return the number of a keypoint's arm or leg, 0 for trunk and head."""
     side = name.partition("_")[0]
     kind = keypoint_class(name)
@@ -546,7 +546,7 @@ def _limb(name: str) -> int:
     return 1 + SIDES.index(side) + 2 * (kind in ("hip", "knee", "foot"))
 
 
-def _prior(values: FloatArray, columns: IntArray, sigma: float) -> ResidualBlock:
+def _prior_block(values: FloatArray, columns: IntArray, sigma: float) -> ResidualBlock:
     """Return the residuals of parameters (n,) from 0."""
     slope = np.full((len(values), 1, 1), 1 / sigma)
     return ResidualBlock(values[:, None] * slope[..., 0], slope, columns[:, None], is_robust=False)

@@ -99,7 +99,7 @@ def _add_once(entries: dict[str, Any], name: str, entry: Any) -> None:
     entries[name] = entry
 
 
-def _pose(rotation: Any, translation: Any) -> dict[str, Any]:
+def _pose_fields(rotation: Any, translation: Any) -> dict[str, Any]:
     """Return R and t, or nothing if not known; the rotation is a vector (Rodrigues) or a matrix."""
     is_text = isinstance(rotation, str)
     if rotation is None or (is_text and rotation == "null"):  # Caliscope has written the text
@@ -158,7 +158,7 @@ def _read_toml(path: Path) -> CameraFile:
             "size": entry["size"],
             "K": entry["matrix"],
             "distortion": _coefficients(entry.get("distortions")),
-            **_pose(entry.get("rotation"), entry.get("translation")),
+            **_pose_fields(entry.get("rotation"), entry.get("translation")),
         }
         _add_once(tables, name, table)
         turns[name] = count(entry.get("rotation_count", 0), f"rotation_count of camera {name}")
@@ -192,14 +192,14 @@ def _read_easymocap(path: Path) -> CameraFile:
         turn = numbers.get(f"Rot_{name}")
         vector = numbers.get(f"R_{name}", turn)
         if turn is not None and not np.allclose(
-            _pose(turn, 0)["R"], _pose(vector, 0)["R"], atol=0.01
+            _pose_fields(turn, 0)["R"], _pose_fields(vector, 0)["R"], atol=0.01
         ):
             raise ValueError(f"its R_{name} and Rot_{name} differ: remove one")
         tables[name] = {
             "size": [int(side or 0) for side in size] if all(size) else None,
             "K": numbers[f"K_{name}"].reshape(3, 3).tolist(),
             "distortion": _coefficients(numbers.get(f"dist_{name}")),
-            **_pose(vector, numbers.get(f"T_{name}")),
+            **_pose_fields(vector, numbers.get(f"T_{name}")),
         }
     return CameraFile(tables)
 
@@ -260,7 +260,7 @@ def _read_nerfstudio(path: Path) -> CameraFile:
         R = (to_world[:, :3] * _OPENGL).T
         lens = _lens(name, model, (one["w"], one["h"]), values)
         _refuse_unread_keys(f"camera {name}", one, _OF_NERFSTUDIO)
-        _add_once(tables, name, lens | _pose(R, -R @ to_world[:, 3]))
+        _add_once(tables, name, lens | _pose_fields(R, -R @ to_world[:, 3]))
     return CameraFile(tables, names_are_images=True)
 
 
@@ -285,7 +285,7 @@ def _read_colmap(path: Path) -> CameraFile:
         _, *numbers, camera, name = line.split(maxsplit=9)
         *quaternion, x, y, z = map(float, numbers)
         R = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-        _add_once(tables, name, lenses[camera] | _pose(R, (x, y, z)))
+        _add_once(tables, name, lenses[camera] | _pose_fields(R, (x, y, z)))
         next(lines, None)  # its keypoints, which may be none
     return CameraFile(tables, names_are_images=True)
 

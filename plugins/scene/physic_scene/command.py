@@ -159,7 +159,7 @@ def scene(
         for text in result.reconstruction.warnings:
             echo(f"warning: {text}", err=True)
     else:
-        echo(_table(result))
+        echo(_photo_table(result))
         print_summary(out, seconds=time.monotonic() - start)
 
 
@@ -176,7 +176,7 @@ def _sizes_and_digests(photos: tuple[Path, ...]) -> tuple[list[tuple[int, int]],
     return sizes, {part for photo in read for part in photo.digest.split()}
 
 
-def _table(result: SceneResult) -> str:
+def _photo_table(result: SceneResult) -> str:
     """Return a line for each photo, with its people as they are numbered in the saved result."""
     from physic_core.cli.output import format_table
 

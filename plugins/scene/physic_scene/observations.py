@@ -149,7 +149,9 @@ def observe(
         stature = model.stature(betas).numpy()
     joints = body.joints.numpy()
     vertices = body.vertices.numpy()
-    colours = [_colours(result, vertices[i], person.mask, model) for i, person in enumerate(people)]
+    colours = [
+        _clothing_colors(result, vertices[i], person.mask, model) for i, person in enumerate(people)
+    ]
     return PhotoPeople(
         K=camera.matrix,
         focal_sigma=_focal_sigma(camera),
@@ -181,7 +183,7 @@ def _focal_sigma(camera: Intrinsics) -> float:
     return _GUESSED_FOCAL if camera.trust is CameraTrust.GUESSED else estimated
 
 
-def _colours(
+def _clothing_colors(
     result: Reconstruction, vertices: FloatArray, mask: BoolArray, model: BodyModel
 ) -> FloatArray:
     """Return the mean CIELAB (G, 3) of a person's body parts: of the pixels of the mask (H, W)

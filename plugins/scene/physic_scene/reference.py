@@ -110,7 +110,7 @@ class ReferenceInput(ShortRepr):
             shown=shown,
             scores=np.array([max(one.score for one in own) for own in shown_by]),
             depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(photos)} photos",)),
-            views=tuple(_view(solved, people, w) for w in range(len(photos)) if w != v),
+            views=tuple(_other_view(solved, people, w) for w in range(len(photos)) if w != v),
             single_photos=_results_of_single_photos(solved, people, model),
             statures=np.array([one.stature for one in people]),
             ages=ages if np.isfinite(ages).any() else None,
@@ -278,7 +278,7 @@ def _height_alone(solved: SolvedScene, row: IntArray, known: IntArray) -> float:
     return float(np.median(heights)) if heights else np.inf
 
 
-def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> OtherView:
+def _other_view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> OtherView:
     """Return the view of another photo of all people of the result."""
     photos = solved.photos
     keypoints = _keypoints(people, photos, view)

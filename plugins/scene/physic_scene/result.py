@@ -33,7 +33,7 @@ def assemble(
     scales = scene_scales(solved) * factor
     solved = replace(solved, bundle=solved.bundle.scaled(factor))
     reference = solved.photos[solved.reference]
-    photos = _photos(solved, everybody, reconstruction, scales)
+    photos = _solved_photos(solved, everybody, reconstruction, scales)
     others = [photo for photo in photos if photo.index != reference.index]
     checks = (
         *checks_of_keypoints(reconstruction, others),
@@ -95,7 +95,7 @@ def _solved_views(solved: SolvedScene) -> list[SolvedView]:
     return views
 
 
-def _photos(
+def _solved_photos(
     solved: SolvedScene,
     everybody: Sequence[PersonOfScene],
     reconstruction: Reconstruction,

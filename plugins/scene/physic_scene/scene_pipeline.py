@@ -103,7 +103,7 @@ class ScenePipeline:
         """
         _check_number(len(photos), cameras=cameras, settings=settings)
         known = known or KnownSizes()
-        names = _unique([_name(photo, i) for i, photo in enumerate(photos)])
+        names = _unique_names([_photo_name(photo, i) for i, photo in enumerate(photos)])
         if len(known.age) > 1:
             raise ConfigError(
                 "one age is that of all people of a moment: for several, give those of each photo "
@@ -198,7 +198,7 @@ class ScenePipeline:
         """
         _check_number(len(results), poses=poses)
         progress = progress or (lambda name, done, total: None)
-        names = _unique(
+        names = _unique_names(
             names if names is not None else [f"photo {i + 1}" for i in range(len(results))]
         )
         poses = poses or [None] * len(results)
@@ -249,7 +249,7 @@ def _check_number(count: int, **of_photos: Sequence[object] | None) -> None:
             )
 
 
-def _unique(names: Sequence[str]) -> list[str]:
+def _unique_names(names: Sequence[str]) -> list[str]:
     """Return the names of photos, such as files of two folders, with the numbers of those of the
     same name.
     """
@@ -258,7 +258,7 @@ def _unique(names: Sequence[str]) -> list[str]:
     ]
 
 
-def _name(photo: object, index: int) -> str:
+def _photo_name(photo: object, index: int) -> str:
     """Return the file name of a photo, or its number."""
     from pathlib import Path
 

@@ -206,9 +206,9 @@ def _scale_by_sizes(observations: MomentObservations, bundle: Bundle) -> tuple[f
     """
     if observations.camera_is_known.any():
         return 1.0, 0.0
-    size = np.log(_spread(observations.landmarks))
+    size = np.log(_rms_size(observations.landmarks))
     log_size = np.nanmean(np.where(observations.shown, size, np.nan), axis=0)
-    factor = np.exp(log_size) / _spread(bundle.points)
+    factor = np.exp(log_size) / _rms_size(bundle.points)
     known = np.isfinite(observations.bone_sigma)
     unknown = np.full(len(log_size), np.nan)
     voters = np.where(known, factor, np.nan) if known.any() else factor
@@ -221,7 +221,7 @@ def _scale_by_sizes(observations: MomentObservations, bundle: Bundle) -> tuple[f
     return vote.scale.scale, vote.scale.sigma
 
 
-def _spread(points: FloatArray) -> FloatArray:
+def _rms_size(points: FloatArray) -> FloatArray:
     """Return the size (...) of people: the root mean square distance of their keypoints (..., J, 3)
     from the middle.
     """

@@ -213,7 +213,7 @@ _ARM = ("shoulder", "elbow", "wrist")
 _LEG = ("hip", "knee", "ankle", "foot")
 
 
-def _limb(joint: str) -> str:
+def _limb_of_joint(joint: str) -> str:
     """Return the limb of a joint."""
     side, _, name = joint.partition("_")
     if name in _ARM:
@@ -221,7 +221,7 @@ def _limb(joint: str) -> str:
     return f"{side} leg" if name in _LEG else "trunk"
 
 
-_LIMBS = tuple(_limb(name) for name in JOINT_NAMES[:_BONES])
+_LIMBS = tuple(_limb_of_joint(name) for name in JOINT_NAMES[:_BONES])
 """Limb of each bone."""
 
 

@@ -70,7 +70,7 @@ class MockMetricDepth(interfaces.MetricDepth):
         recognised = recognise_world(image, hints.hole)
         world = recognised.world
         noise = Noise(world, options)
-        camera = hints.intrinsics or _camera(noise)
+        camera = hints.intrinsics or _noisy_camera(noise)
         depth = _noisy_depth(recognised, hints, noise)
         depth = _with_inverse_depth_offset(
             depth, _random_offset(depth, noise), world.empty_floor_mask
@@ -141,7 +141,7 @@ class MockRelativePointmap(interfaces.RelativePointmap):
         noise = Noise(recognised.world, options)
         depth = _noisy_depth(recognised, hints, noise)
         scale, shift = _scale_and_shift(recognised, depth, noise, options)
-        camera = hints.intrinsics or _camera(noise)
+        camera = hints.intrinsics or _noisy_camera(noise)
         points = pixel_rays(camera) * depth[..., None]
         if options.unknown == "inverse_scale_shift":
             relative = points / depth[..., None] * (scale / (1 / depth - shift))[..., None]
@@ -320,7 +320,7 @@ def _distance_error(recognised: RecognisedWorld, hints: Hints) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(depth, 0.1 * true) / true))))
 
 
-def _camera(noise: Noise) -> Intrinsics:
+def _noisy_camera(noise: Noise) -> Intrinsics:
     """Return the camera with a focal length error."""
     factor = math.exp(noise.normal("focal length of both depths"))
     true = noise.world.intrinsics

@@ -71,12 +71,12 @@ class MockPersonObserver(interfaces.PersonObserver):
             touch=choice(truth["touch"]),
             on_floor=probability(truth["on_floor"] > 0),
             child=probability(truth["child"] > 0),
-            **_heads(world, truth["head"], rows, noise.factor, rng),
-            **_shares(),
+            **_noisy_face_directions(world, truth["head"], rows, noise.factor, rng),
+            **_answer_shares(),
         )
 
 
-def _heads(
+def _noisy_face_directions(
     world: World, head: FloatArray, rows: list[int], factor: float, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Return the directions of the faces of people in ``rows``, and their errors; NaN for a face
@@ -91,7 +91,7 @@ def _heads(
     return {"head": head[rows].astype(np.float32), "head_sigma": sigma[rows].astype(np.float32)}
 
 
-def _shares() -> dict[str, Any]:
+def _answer_shares() -> dict[str, Any]:
     """Return the share of "yes" of each question: all answers are equally frequent."""
     return {
         "posture_share": np.full(len(POSTURES), 1 / len(POSTURES), np.float32),

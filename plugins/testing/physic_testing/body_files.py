@@ -23,12 +23,12 @@ _MANO_PARENTS = (_ROOT, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14)
 
 def mano_arrays() -> dict[str, AnyArray]:
     """Return random arrays with the names and shapes of ``MANO_RIGHT.pkl``."""
-    return _arrays(MANO, _MANO_PARENTS)
+    return _random_model_arrays(MANO, _MANO_PARENTS)
 
 
 def smpl_arrays() -> dict[str, AnyArray]:
     """Return random arrays with the names and shapes of ``SMPL_NEUTRAL.pkl``."""
-    return _arrays(SMPL, (_ROOT, *SMPL_PARENTS[1:]))
+    return _random_model_arrays(SMPL, (_ROOT, *SMPL_PARENTS[1:]))
 
 
 def write_published(path: Path, arrays: dict[str, Any]) -> Path:
@@ -62,7 +62,7 @@ class _Ch:
             self.x = x
 
 
-def _arrays(layout: ModelFileLayout, parents: tuple[int, ...]) -> dict[str, AnyArray]:
+def _random_model_arrays(layout: ModelFileLayout, parents: tuple[int, ...]) -> dict[str, AnyArray]:
     """Return random arrays with the shapes of a model file."""
     rng = np.random.default_rng(0)
     shapes = {

@@ -16,7 +16,7 @@ _TEXTURES: dict[str, tuple[str | bool, ...]] = {
 }
 
 
-def _record(
+def _exporter_record(
     name: str, suffixes: str, audience: str, content: str, *, module: str = "", **more: Any
 ) -> ExporterRecord:
     """Return the record of the function ``export_NAME`` in the module NAME, or another one."""
@@ -25,7 +25,7 @@ def _record(
 
 
 _FORMATS = (
-    _record(
+    _exporter_record(
         "amass",
         ".npz",
         "Blender's SMPL-X add-on, AMASS tools",
@@ -35,7 +35,7 @@ _FORMATS = (
         per_person=True,
         needs="an SMPL-X file of yours (--body-model)",
     ),
-    _record(
+    _exporter_record(
         "bodies",
         ".npz",
         "physic run --bodies, Python",
@@ -43,7 +43,7 @@ _FORMATS = (
         ups=("camera",),
         bodies="required",
     ),
-    _record(
+    _exporter_record(
         "bvh",
         ".bvh",
         "Blender, Maya, MotionBuilder",
@@ -54,7 +54,7 @@ _FORMATS = (
         per_person=True,
         options={"names": ("mixamo", "smplx", "unreal", "unity", "vrm")},
     ),
-    _record(
+    _exporter_record(
         "coco",
         ".json",
         "CVAT, FiftyOne, pycocotools",
@@ -62,7 +62,7 @@ _FORMATS = (
         ups=("camera",),
         bodies="required",
     ),
-    _record(
+    _exporter_record(
         "colmap",
         ".bin",
         "COLMAP, gsplat, Gaussian splatting",
@@ -70,14 +70,14 @@ _FORMATS = (
         ups=("camera", "z", "y"),
         stem="sparse/0/cameras",
     ),
-    _record(
+    _exporter_record(
         "depth",
         ".png",
         "OpenCV, Open3D, Python",
         "depth of the scene in millimeters, photo, masks of people, camera",
         ups=("camera",),
     ),
-    _record(
+    _exporter_record(
         "exr",
         ".exr",
         "Blender, Nuke, OpenCV",
@@ -87,7 +87,7 @@ _FORMATS = (
         packages=("OpenEXR",),
         extra="exr",
     ),
-    _record(
+    _exporter_record(
         "glb",
         ".glb",
         "Blender, Unity, Unreal, three.js",
@@ -95,7 +95,7 @@ _FORMATS = (
         stem="skinned",
         options=_NAMES | _SKIN | _TEXTURES | {"plain": (False, True), "rest_pose": (False, True)},
     ),
-    _record(
+    _exporter_record(
         "keypoints",
         ".csv",
         "physic run --keypoints, pandas",
@@ -103,7 +103,7 @@ _FORMATS = (
         ups=("camera",),
         bodies="required",
     ),
-    _record(
+    _exporter_record(
         "mjcf",
         ".xml .mjcf",
         "MuJoCo",
@@ -113,7 +113,7 @@ _FORMATS = (
         needs="a floor in the result",
         options={"rigid": (False, True), "keep_lean": (False, True)},
     ),
-    _record(
+    _exporter_record(
         "mot",
         ".mot",
         "OpenSim",
@@ -124,7 +124,7 @@ _FORMATS = (
         bodies="required",
         per_person=True,
     ),
-    _record(
+    _exporter_record(
         "nerfstudio",
         ".json",
         "nerfstudio, Gaussian splatting",
@@ -134,7 +134,7 @@ _FORMATS = (
         stem="transforms",
         needs="a floor in the result, for z up",
     ),
-    _record(
+    _exporter_record(
         "obj",
         ".obj",
         "MeshLab, Blender, 3ds Max",
@@ -144,7 +144,7 @@ _FORMATS = (
         stem="meshes",
         options=_SKIN | {"texture_size": _TEXTURES["texture_size"]},
     ),
-    _record(
+    _exporter_record(
         "ply",
         ".ply",
         "MeshLab, CloudCompare, Open3D",
@@ -154,7 +154,7 @@ _FORMATS = (
         stem="points",
         options=_SKIN,
     ),
-    _record(
+    _exporter_record(
         "rrd",
         ".rrd",
         "Rerun",
@@ -165,7 +165,7 @@ _FORMATS = (
         extra="rrd",
         options=_SKIN,
     ),
-    _record(
+    _exporter_record(
         "stl",
         ".stl",
         "PrusaSlicer, Cura, 3D printers",
@@ -177,7 +177,7 @@ _FORMATS = (
         per_person=True,
         needs="a floor in the result, for z up",
     ),
-    _record(
+    _exporter_record(
         "trc",
         ".trc",
         "OpenSim, Visual3D",
@@ -188,7 +188,7 @@ _FORMATS = (
         bodies="required",
         per_person=True,
     ),
-    _record(
+    _exporter_record(
         "urdf",
         ".urdf",
         "ROS, PyBullet, Isaac Sim, Drake",
@@ -200,7 +200,7 @@ _FORMATS = (
         needs="a floor in the result",
         options={"keep_lean": (False, True)},
     ),
-    _record(
+    _exporter_record(
         "usd",
         ".usdc .usda .usd .usdz",
         "Omniverse, Isaac Sim, Houdini",

@@ -48,12 +48,12 @@ def export_amass(request: ExportRequest) -> ExportedFiles:
     """
     file = _smplx_file(request)
     model, parameters, contact, errors = _smplx_parameters(request, file)
-    gender = _gender(file)
+    gender = _body_gender(file)
     files = {}
     notes = []
     for row, index in enumerate(request.person):
         error = errors[row]
-        arrays = _arrays(model, parameters[row : row + 1], request.frame, gender)
+        arrays = _amass_arrays(model, parameters[row : row + 1], request.frame, gender)
         arrays["fit_error_m"] = np.array(error)
         arrays["contact"] = contact[row]
         stream = io.BytesIO()
@@ -127,7 +127,7 @@ def _smplx_parameters(
     return model, converted.bodies.parameters, contact, errors
 
 
-def _arrays(
+def _amass_arrays(
     model: BodyArrays, person: BodyParameters, frame: ExportFrame, gender: str
 ) -> dict[str, AnyArray]:
     """Return the arrays of the file of one person."""
@@ -171,7 +171,7 @@ def _arrays(
     }
 
 
-def _gender(file: Path) -> str:
+def _body_gender(file: Path) -> str:
     """Return the gender that the name of the model file states; neutral if it states none."""
     name = file.stem.lower()
     return next((gender for gender in ("female", "male") if gender in name), "neutral")

@@ -31,14 +31,14 @@ def export_bvh(request: ExportRequest) -> ExportedFiles:
     files = {}
     for index, rig in rigs(request):
         named = named_rig(rig, style, up)
-        files[request.file_of(index)] = _document([t_pose(named, up), named]).encode("ascii")
+        files[request.file_of(index)] = _bvh_document([t_pose(named, up), named]).encode("ascii")
     return ExportedFiles(
         files,
         ("lengths are meters: a program that counts in centimeters imports them with scale 100",),
     )
 
 
-def _document(motion: list[Rig]) -> str:
+def _bvh_document(motion: list[Rig]) -> str:
     """Return the text of a motion, a rig per frame; frames differ in their pose alone."""
     lines = ["HIERARCHY"]
     order: list[int] = []

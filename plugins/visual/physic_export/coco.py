@@ -69,7 +69,7 @@ def export_coco(request: ExportRequest) -> ExportedFiles:
             }
         ],
         "annotations": [
-            _annotation(result, index, person, pixels) for index, person in visible_people
+            _coco_annotation(result, index, person, pixels) for index, person in visible_people
         ],
     }
     notes = [
@@ -98,7 +98,7 @@ def skeleton_links(names: Sequence[str]) -> list[list[int]]:
     return links
 
 
-def _annotation(
+def _coco_annotation(
     result: Reconstruction, index: int, person: Person, pixels: tuple[IntArray, IntArray]
 ) -> dict[str, Any]:
     is_visible = person.keypoint_confidence > 0

@@ -76,9 +76,9 @@ def export_colmap(request: ExportRequest) -> ExportedFiles:
         request.frame.from_camera, result.scene.points[rows, columns].astype(np.float64)
     )
     model = {
-        "cameras.bin": _cameras(result.intrinsics),
-        "images.bin": _images(request.frame, rows, columns),
-        "points3D.bin": _points(points, result.scene.colors[rows, columns]),
+        "cameras.bin": _cameras_file(result.intrinsics),
+        "images.bin": _images_file(request.frame, rows, columns),
+        "points3D.bin": _points_file(points, result.scene.colors[rows, columns]),
     }
     files = {
         f"images/{_PHOTO}": encode_image(result.image, "JPEG"),
@@ -89,12 +89,12 @@ def export_colmap(request: ExportRequest) -> ExportedFiles:
     return ExportedFiles(files, (note,))
 
 
-def _cameras(camera: Intrinsics) -> bytes:
+def _cameras_file(camera: Intrinsics) -> bytes:
     sizes = struct.pack("<QiiQQ", 1, 1, _PINHOLE, camera.width, camera.height)
     return sizes + struct.pack("<4d", camera.fx, camera.fy, camera.cx + 0.5, camera.cy + 0.5)
 
 
-def _images(frame: ExportFrame, rows: IntArray, columns: IntArray) -> bytes:
+def _images_file(frame: ExportFrame, rows: IntArray, columns: IntArray) -> bytes:
     """Return the pose, and each pixel with the number of its point."""
     pose = np.linalg.inv(frame.from_camera)
     quaternion = rotmat_to_quat(pose[:3, :3])[[3, 0, 1, 2]]
@@ -105,7 +105,7 @@ def _images(frame: ExportFrame, rows: IntArray, columns: IntArray) -> bytes:
     return head + _PHOTO.encode() + b"\0" + struct.pack("<Q", len(rows)) + pixels.tobytes()
 
 
-def _points(points: Float64Array, colors: UInt8Array) -> bytes:
+def _points_file(points: Float64Array, colors: UInt8Array) -> bytes:
     """Return each point with its colour and its place in the list of pixels."""
     records = np.zeros(len(points), _POINT)
     records["id"] = np.arange(1, len(points) + 1)

@@ -243,10 +243,10 @@ def body_segments(rig: Rig, vertices: Float64Array, ground: Mapping[str, float])
     volumes = np.array([_volume(*hull) for hull in hulls])
     masses = DENSITY_KG_M3 * _volume(vertices, rig.faces) * volumes / volumes.sum()
     lowest = [float(vertices[part == joint, 2].min()) for joint in range(NUM_BODIES)]
-    owner = _owner_of_faces(part[rig.faces])
+    owner = _part_of_faces(part[rig.faces])
     segments = []
     for joint, name in enumerate(JOINT_NAMES[:NUM_BODIES]):
-        pose, zero, hinges = _joint(rig, poses, joint)
+        pose, zero, hinges = _joint_frame(rig, poses, joint)
         position = poses[joint][:3, 3]
         turn = poses[joint][:3, :3]
         local = (vertices - position) @ turn
@@ -254,9 +254,9 @@ def body_segments(rig: Rig, vertices: Float64Array, ground: Mapping[str, float])
         soles = np.zeros((0, 3))
         if name.endswith(("ankle", "foot")) or lowest[joint] < FLAT_M:
             level = _sole_level(name, lowest, ground)
-            soles = _soles(local[part == joint], poses[joint][2, :3], lowest[joint] - level)
+            soles = _sole_points(local[part == joint], poses[joint][2, :3], lowest[joint] - level)
         hull = (hulls[joint][0] - position) @ turn, hulls[joint][1]
-        capsule = _capsule(name, local[part == joint], poses, joint)
+        capsule = _fit_capsule(name, local[part == joint], poses, joint)
         skin = local[used], faces.reshape(-1, 3)
         segments.append(
             Segment(
@@ -283,7 +283,7 @@ def convex_hull(points: Float64Array) -> Mesh:
     return np.asarray(hull.vertices), np.asarray(hull.faces)
 
 
-def _hinges(name: str, rotation: Float64Array) -> tuple[tuple[Hinge, ...], Float64Array]:
+def _joint_hinges(name: str, rotation: Float64Array) -> tuple[tuple[Hinge, ...], Float64Array]:
     """Return the hinges of a joint whose rotation (3, 3) against the T-pose is that of the pose.
 
     Also returns the rest of the rotation (3, 3), about axes that the joint does not have.
@@ -319,7 +319,9 @@ def _hinges(name: str, rotation: Float64Array) -> tuple[tuple[Hinge, ...], Float
     return tuple(hinges), rest
 
 
-def _capsule(name: str, points: Float64Array, poses: Float64Array, joint: int) -> Capsule | None:
+def _fit_capsule(
+    name: str, points: Float64Array, poses: Float64Array, joint: int
+) -> Capsule | None:
     """Return the capsule of an arm's points in its frame; None for other parts of the body."""
     side, _, plain = name.rpartition("_")
     if plain not in _CHILD_OF_LIMB:
@@ -337,12 +339,12 @@ def _capsule(name: str, points: Float64Array, poses: Float64Array, joint: int) -
     return Capsule(center + ends[:, None] * axis, radius)
 
 
-def _owner_of_faces(parts: Int64Array) -> Int64Array:
+def _part_of_faces(parts: Int64Array) -> Int64Array:
     """Return the part (F,) of most of the corners (F, 3) of each face; of three, the first."""
     return np.where(parts[:, 1] == parts[:, 2], parts[:, 1], parts[:, 0])
 
 
-def _joint(
+def _joint_frame(
     rig: Rig, poses: Float64Array, joint: int
 ) -> tuple[Float64Array, Float64Array, tuple[Hinge, ...]]:
     """Return the pose (4, 4) of a joint in the frame of its parent, the same with all hinges at 0,
@@ -353,7 +355,7 @@ def _joint(
         return poses[joint], poses[joint].copy(), ()
     pose = np.linalg.inv(poses[parent]) @ poses[joint]
     zero = pose.copy()
-    hinges, zero[:3, :3] = _hinges(JOINT_NAMES[joint], rig.rotations[joint])
+    hinges, zero[:3, :3] = _joint_hinges(JOINT_NAMES[joint], rig.rotations[joint])
     return pose, zero, hinges
 
 
@@ -376,7 +378,7 @@ def _sole_level(name: str, lowest: Sequence[float], ground: Mapping[str, float])
     return other if 0 < level - other < FLAT_M else level
 
 
-def _soles(points: Float64Array, up: Float64Array, drop: float) -> Float64Array:
+def _sole_points(points: Float64Array, up: Float64Array, drop: float) -> Float64Array:
     """Return the centres (n, 3) of spheres at the outline of the lowest skin, on one level, as
     under a shoe.
 

@@ -149,7 +149,7 @@ def export_ply(request: ExportRequest) -> ExportedFiles:
         triangles["vertex_indices"] = mesh.faces + start
         faces.append(triangles)
         start += len(rows)
-    header = _header(request, skins, sum(map(len, vertices)), sum(map(len, faces)))
+    header = _ply_header(request, skins, sum(map(len, vertices)), sum(map(len, faces)))
     content = b"".join([header, *(rows.data for rows in (*vertices, *faces))])
     return ExportedFiles({f"{request.stem}{request.suffix}": content}, skins.notes)
 
@@ -181,7 +181,7 @@ def scene_points(request: ExportRequest) -> ColoredMesh:
 _PROPERTY = {"f4": "float", "u1": "uchar", "i4": "int"}
 
 
-def _header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> bytes:
+def _ply_header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> bytes:
     frame = request.frame
     floor = request.result.scene.floor
     plane = "none" if floor is None else _floor_equation(frame, floor)
@@ -303,18 +303,18 @@ def _append_object(
         face = "f %d/%d/%d %d/%d/%d %d/%d/%d\n"
     colored = np.concatenate([mesh.vertices, mesh.colors / 255], 1)
     text.append(f"o {mesh.name}\n")
-    text += _lines("v %.9g %.9g %.9g %.3f %.3f %.3f\n", colored)
-    text += _lines("vn %.4f %.4f %.4f\n", mesh.normals)
-    text += _lines("vt %.5f %.5f\n", uv)
+    text += _format_rows("v %.9g %.9g %.9g %.3f %.3f %.3f\n", colored)
+    text += _format_rows("vn %.4f %.4f %.4f\n", mesh.normals)
+    text += _format_rows("vt %.5f %.5f\n", uv)
     text.append(f"usemtl {material}\n")
-    text += _lines(face, numbers)
+    text += _format_rows(face, numbers)
     return next_indices[0] + len(mesh.vertices), next_indices[1] + len(uv)
 
 
 _ROWS = 4096  # of a file at a time
 
 
-def _lines(form: str, rows: AnyArray) -> list[str]:
+def _format_rows(form: str, rows: AnyArray) -> list[str]:
     """Return the lines of rows (n, k), many in one string; ``np.savetxt`` takes twice as long."""
     blocks = (rows[start : start + _ROWS] for start in range(0, len(rows), _ROWS))
     return [form * len(block) % tuple(block.ravel().tolist()) for block in blocks]

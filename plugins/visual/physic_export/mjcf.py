@@ -244,7 +244,7 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     """
     jointed = [] if request.options["rigid"] else people_of(request)
     tiles, left_out = tiles_beside(request, jointed) if request.scene else ([], ())
-    file = _file(request, tiles, jointed)
+    file = _build_file(request, tiles, jointed)
     picture = _add_textured_scene(file, request)
     files = {f"{request.stem}{request.suffix}": xml_file(file.root), **picture}
     notes = tuple(person.note for person in jointed if person.note)
@@ -256,7 +256,7 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     return ExportedFiles(files, (*notes, note, *left_out))
 
 
-def _file(
+def _build_file(
     request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[ExportedPerson]
 ) -> _File:
     """Return the MJCF elements of a request, without the mesh of the scene.
@@ -272,7 +272,7 @@ def _file(
     root.append(Comment(f" PhySIC; meters; {request.frame.axes} "))
     SubElement(root, "compiler", angle="degree")
     SubElement(root, "option", gravity="0 0 -9.81", timestep="0.002", integrator="implicitfast")
-    _add_visual(root, result.intrinsics)
+    _add_visual_settings(root, result.intrinsics)
     if jointed:
         SubElement(SubElement(root, "default"), "joint", armature=f"{_ARMATURE:g}")
     world = Element("worldbody")
@@ -314,7 +314,7 @@ def _add_jointed(file: _File, jointed: Sequence[ExportedPerson]) -> None:
         file.root.append(contact)
 
 
-def _add_visual(root: Element, camera: Intrinsics) -> None:
+def _add_visual_settings(root: Element, camera: Intrinsics) -> None:
     """Add the size of pictures, and the light and the near plane of views."""
     visual = SubElement(root, "visual")
     SubElement(visual, "global", offwidth=str(camera.width), offheight=str(camera.height))

@@ -64,7 +64,7 @@ def export_trc(request: ExportRequest) -> ExportedFiles:
             ("",),
             ("1", "0.0", *(f"{value:.3f}" for value in points.reshape(-1))),
         )
-        files[name] = _table(lines)
+        files[name] = _tab_separated(lines)
     return ExportedFiles(files, ("lengths are millimeters, y is up",))
 
 
@@ -76,7 +76,7 @@ def export_mot(request: ExportRequest) -> ExportedFiles:
     for index, person in request.chosen():
         name = request.file_of(index)
         values = {"time": 0.0, **_coordinates(person, request.frame)}
-        files[name] = _table(
+        files[name] = _tab_separated(
             (
                 (name,),
                 ("version=1",),
@@ -118,5 +118,5 @@ def _coordinates(person: Person, frame: ExportFrame) -> dict[str, float]:
     )
 
 
-def _table(lines: tuple[tuple[str, ...], ...]) -> bytes:
+def _tab_separated(lines: tuple[tuple[str, ...], ...]) -> bytes:
     return "".join("\t".join(line) + "\n" for line in lines).encode()

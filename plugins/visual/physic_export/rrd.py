@@ -44,7 +44,7 @@ def export_rrd(request: ExportRequest) -> ExportedFiles:
     stream = recording.binary_stream()
     axes = {"y": rr.ViewCoordinates.RIGHT_HAND_Y_UP, "z": rr.ViewCoordinates.RIGHT_HAND_Z_UP}
     recording.log("world", axes.get(request.frame.up, rr.ViewCoordinates.RDF), static=True)
-    recording.log("result", rr.TextDocument(_text(request)), static=True)
+    recording.log("result", rr.TextDocument(_notes_text(request)), static=True)
     skins = skins_of(request)
     touched = replace(
         skins, request=replace(request, options={**request.options, "skin": "contact"})
@@ -104,7 +104,7 @@ def _log_photo(recording: rr.RecordingStream, request: ExportRequest) -> None:
     recording.log("world/camera/photo", rr.Image(result.image).compress())
 
 
-def _text(request: ExportRequest) -> str:
+def _notes_text(request: ExportRequest) -> str:
     result = request.result
     return "\n".join(
         (

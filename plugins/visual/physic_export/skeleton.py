@@ -70,10 +70,10 @@ def bone_names(style: str) -> tuple[str, ...]:
             Engine's mannequin with three spine bones; "unity", the HumanBodyBones of its humanoid
             avatar; or "vrm", the humanoid bones of VRM 1.0.
     """
-    return tuple(_name(joint, style) for joint in JOINT_NAMES)
+    return tuple(_bone_name(joint, style) for joint in JOINT_NAMES)
 
 
-def _name(joint: str, style: str) -> str:
+def _bone_name(joint: str, style: str) -> str:
     if style == "vrm":
         return _name_of_vrm(joint)
     side, _, limb = joint.partition("_")
@@ -98,7 +98,7 @@ def _name(joint: str, style: str) -> str:
 
 def _name_of_vrm(joint: str) -> str:
     """Return the name of VRM 1.0, which is Unity's with a small letter, but for the thumb."""
-    name = _name(joint, "unity")
+    name = _bone_name(joint, "unity")
     if "thumb" in joint:
         name = name.removesuffix(_SEGMENTS[joint[-1]]) + _THUMB_OF_VRM[joint[-1]]
     return name[0].lower() + name[1:]

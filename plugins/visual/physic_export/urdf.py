@@ -90,23 +90,25 @@ def export_urdf(request: ExportRequest) -> ExportedFiles:
         segments = body_segments(person.rig, person.vertices, person.ground_heights)
         name = request.file_of(person.index)
         stem = PurePath(name).stem
-        robot = _robot(stem, f"person_{person.index}", segments)
+        robot = _build_robot(stem, f"person_{person.index}", segments)
         files |= robot.meshes
-        files[f"{stem}.json"] = (json.dumps(_pose(request, segments), indent=2) + "\n").encode()
+        files[f"{stem}.json"] = (
+            json.dumps(_srdf_pose(request, segments), indent=2) + "\n"
+        ).encode()
         files[f"{stem}.srdf"] = xml_file(_pairs(robot.root.attrib["name"], segments))
         files[name] = xml_file(robot.root)
     notes = [person.note for person in people if person.note]
     if request.scene:
         tiles, left_out = tiles_beside(request, people)
-        files |= _scene(request, tiles)
+        files |= _scene_files(request, tiles)
         notes += left_out
     return ExportedFiles(files, tuple(notes))
 
 
-def _scene(request: ExportRequest, tiles: Sequence[Tile]) -> dict[str, bytes]:
+def _scene_files(request: ExportRequest, tiles: Sequence[Tile]) -> dict[str, bytes]:
     """Return the scene as a robot of one link, and its meshes."""
     stem = f"{request.stem}_scene"
-    robot = _Robot(stem, _root("scene", collides=True))
+    robot = _Robot(stem, _robot_root("scene", collides=True))
     link = SubElement(robot.root, "link", name="scene")
     if (surface := scene_mesh(request)) is not None:
         SubElement(link, "visual").append(
@@ -122,7 +124,7 @@ def _scene(request: ExportRequest, tiles: Sequence[Tile]) -> dict[str, bytes]:
     return {**robot.meshes, f"{stem}.urdf": xml_file(robot.root)}
 
 
-def _root(name: str, collides: bool) -> Element:
+def _robot_root(name: str, collides: bool) -> Element:
     """Return a robot without links; in MuJoCo, its links collide or do not."""
     root = Element("robot", name=name)
     # For MuJoCo, which otherwise looks for meshes beside the file, and melts the root into the
@@ -147,7 +149,7 @@ def _pairs(name: str, segments: Sequence[Segment]) -> Element:
     return root
 
 
-def _pose(request: ExportRequest, segments: Sequence[Segment]) -> dict[str, object]:
+def _srdf_pose(request: ExportRequest, segments: Sequence[Segment]) -> dict[str, object]:
     place = segments[0].pose
     quaternion = rotmat_to_quat(place[:3, :3]).tolist()
     return {
@@ -164,9 +166,9 @@ def _pose(request: ExportRequest, segments: Sequence[Segment]) -> dict[str, obje
     }
 
 
-def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
+def _build_robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
     # MuJoCo would push segments apart that only a light link between two axes separates.
-    robot = _Robot(stem, _root(name, collides=False))
+    robot = _Robot(stem, _robot_root(name, collides=False))
     mass = sum(one.mass for one in segments)
     for segment in segments:
         parent_name = segments[segment.parent].name
@@ -182,7 +184,7 @@ def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
             )
             SubElement(joint, "parent", link=parent_name)
             SubElement(joint, "child", link=below)
-            SubElement(joint, "origin", _origin(pose))
+            SubElement(joint, "origin", _urdf_origin(pose))
             SubElement(joint, "axis", xyz=number_text(hinge.axis_at_rest, 8))
             limits = {
                 "lower": f"{hinge.low:.6f}",
@@ -230,7 +232,7 @@ def _add_sphere(link: Element, center: Float64Array, radius: float) -> None:
 
 def _add_collision(link: Element, place: Float64Array, shape: str, **sizes: str) -> None:
     collision = SubElement(link, "collision")
-    SubElement(collision, "origin", _origin(place))
+    SubElement(collision, "origin", _urdf_origin(place))
     SubElement(SubElement(collision, "geometry"), shape, sizes)
 
 
@@ -244,7 +246,7 @@ def _add_inertia(link: Element, mass: float, center: Float64Array, inertia: Floa
     )
 
 
-def _origin(place: Float64Array) -> dict[str, str]:
+def _urdf_origin(place: Float64Array) -> dict[str, str]:
     """Return position and fixed-axis angles (roll, pitch, yaw) of a pose (4, 4)."""
     angles = rotmat_to_euler("xyz", place[:3, :3])
     return {"xyz": number_text(place[:3, 3]), "rpy": number_text(angles.tolist(), 8)}

@@ -232,7 +232,7 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
     _make_collider(collider, UsdPhysics.Tokens.convexDecomposition)
 
 
-def _extent(points: AnyArray) -> list[Any]:
+def _usd_extent(points: AnyArray) -> list[Any]:
     """Return the lower and the upper corner of the box around points (V, 3)."""
     from pxr import Gf
 
@@ -294,7 +294,7 @@ def _add_mesh(stage: Any, path: str, mesh: ColoredMesh) -> Any:
     prim.CreateNormalsAttr(vectors(mesh.normals))
     prim.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    prim.CreateExtentAttr(_extent(mesh.vertices))
+    prim.CreateExtentAttr(_usd_extent(mesh.vertices))
     prim.CreateDoubleSidedAttr(True)
     primvars = UsdGeom.PrimvarsAPI(prim)
     color = primvars.CreatePrimvar(

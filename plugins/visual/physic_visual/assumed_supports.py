@@ -56,13 +56,15 @@ def assumed_supports(result: Reconstruction) -> list[AssumedSupport]:
                 normals = vertex_normals(vertices, np.asarray(result.faces, np.int64))
                 supports.append(
                     AssumedSupport(
-                        index, _name(person, partner), _slab(vertices[on], normals[on], up)
+                        index,
+                        _support_name(person, partner),
+                        _slab_below(vertices[on], normals[on], up),
                     )
                 )
     return supports
 
 
-def _name(person: Person, partner: ContactPartner) -> str:
+def _support_name(person: Person, partner: ContactPartner) -> str:
     """Return "assumed seat", "assumed handhold", ...: what the support of the person says of this
     partner.
     """
@@ -72,7 +74,7 @@ def _name(person: Person, partner: ContactPartner) -> str:
     return f"assumed {name.partition(' under ')[0].partition(' behind ')[0]}"
 
 
-def _slab(vertices: Float64Array, normals: Float64Array, up: Float64Array) -> Float64Array:
+def _slab_below(vertices: Float64Array, normals: Float64Array, up: Float64Array) -> Float64Array:
     """Return the corners (8, 3) of the smallest slab that skin (n, 3) lies on.
 
     It is level, or upright behind skin that faces sideways. Hands hold the middle of it.

@@ -126,7 +126,7 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     """
     height, width = reconstruction.image.shape[:2]
     geometry = build_preview_geometry(reconstruction)
-    frames = _layout(width / height, _MARGIN + 42)
+    frames = _frame_layout(width / height, _MARGIN + 42)
     below = frames[-1].y + frames[-1].height + _GAP
     people = range(min(len(reconstruction.people), _MOST_PEOPLE))
     rows = math.ceil(len(people) / 3)
@@ -213,7 +213,7 @@ _TALLEST = 540  # px, most height of a picture
 _ROW = 320  # px, height of the views below
 
 
-def _layout(aspect: float, top: int) -> tuple[_Frame, ...]:
+def _frame_layout(aspect: float, top: int) -> tuple[_Frame, ...]:
     """Return the frames of photo, overlay and depth in a row below a row of px, and of three views
     below them.
     """

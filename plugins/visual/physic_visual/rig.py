@@ -147,7 +147,7 @@ def pose_rig(body: BodyArrays, person: Person, frame: ExportFrame) -> Rig:
     turns = [getattr(p, name).reshape(count, 3) for name, count in ROTATION_FIELDS]
     local = rotvec_to_rotmat_numpy(np.concatenate(turns).astype(np.float64))
     rest = body.rest_joints(shape)
-    vertices = _shaped(body, shape, local)
+    vertices = _shaped_vertices(body, shape, local)
     bind = (
         np.tile(np.eye(3), (len(rest), 1, 1))
         if body.bind_rot is None
@@ -168,7 +168,7 @@ def pose_rig(body: BodyArrays, person: Person, frame: ExportFrame) -> Rig:
     return rig
 
 
-def _shaped(body: BodyArrays, shape: Float64Array, local: Float64Array) -> Float64Array:
+def _shaped_vertices(body: BodyArrays, shape: Float64Array, local: Float64Array) -> Float64Array:
     """Return the vertices (V, 3) of a shape in the bind pose, with the body's correctives of the
     pose.
     """

@@ -102,11 +102,11 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     points, point_colors = _cloud(scene, limit, stride)
     dressed = dressed_bodies(reconstruction)
     dress = [one.colors for one in dressed.people.values()]
-    backdrop, backdrop_colors = _backdrop(reconstruction)
+    backdrop, backdrop_colors = _backdrop_points(reconstruction)
     depth = float(np.median(points[:, 2])) if len(points) else 0.0
     main = set(main_people([person.box for person in reconstruction.people]))
     framed = [bodies[index] for index in bodies.keys() & main] or [*bodies.values()]
-    low, high = _bounds(framed, points, matrix)
+    low, high = _scene_bounds(framed, points, matrix)
     return PreviewGeometry(
         people=dressed.caster,
         people_colors=np.concatenate([np.zeros((0, 3)), *colors]),
@@ -153,7 +153,7 @@ def _cloud(scene: Scene, limit: float, stride: int) -> tuple[Float32Array, Float
 _WITHIN = np.array([0.6, 0.2, 0.2], np.float32)  # weights of the corners of a triangle
 
 
-def _backdrop(result: Reconstruction) -> tuple[Float32Array, Float32Array]:
+def _backdrop_points(result: Reconstruction) -> tuple[Float32Array, Float32Array]:
     """Return points (K, 3) on the triangles of the backdrop, and their sRGB colours."""
     mesh = scene_meshes(result)[1]
     colors = result.scene.colors
@@ -163,7 +163,7 @@ def _backdrop(result: Reconstruction) -> tuple[Float32Array, Float32Array]:
     return points, colors[pixels[:, 1], pixels[:, 0]] / np.float32(255.0)
 
 
-def _bounds(
+def _scene_bounds(
     bodies: Sequence[Float64Array], points: Float32Array, upright: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
     if bodies:
@@ -224,7 +224,7 @@ def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView
     """Render the view from the camera's right, parallel to the floor; the camera looks towards the
     image's right.
     """
-    return _render(geometry, _SIDE, (width, height))
+    return _render_view(geometry, _SIDE, (width, height))
 
 
 _TOP = _Direction(
@@ -239,7 +239,7 @@ def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
     """Render the view from above, clipped at the height of the people; the camera looks towards the
     image's top.
     """
-    return _render(geometry, _TOP, (width, height))
+    return _render_view(geometry, _TOP, (width, height))
 
 
 def view_from_aside(geometry: PreviewGeometry, width: int, height: int) -> UInt8Array:
@@ -307,7 +307,9 @@ _POINT_RADIUS = 1.2  # of a drawn point, in spacings of points
 _MAX_RADIUS_PX = 6
 
 
-def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, int]) -> LabeledView:
+def _render_view(
+    geometry: PreviewGeometry, direction: _Direction, size: tuple[int, int]
+) -> LabeledView:
     """Render people and points; points nearer to the eye than people are skipped, distant ones are
     faint.
     """

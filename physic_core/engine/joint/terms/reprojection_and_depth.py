@@ -180,7 +180,7 @@ class DepthTerm(SurfaceTerm):
         sampling = self._sampling
         visibility = snapshot.visibility
         assert sampling.log_depth is not None
-        self.log_map_depth, known = _sample(sampling.log_depth, visibility.uv)
+        self.log_map_depth, known = _sample_log_depth(sampling.log_depth, visibility.uv)
         edge_px = sampling.person_px * _EDGE_SHARE
         well_inside = sample_mask_neighbours(visibility.uv, sampling.state.masks, edge_px).all(0)
         is_visible = visibility.unobstructed & known & well_inside & visibility.eligible
@@ -225,7 +225,7 @@ def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:
     return torch.lerp(sigma_alone, torch.full_like(sigma_alone, settings.offset_sigma), on_floor)
 
 
-def _sample(log_depth: Tensor, uv: Tensor) -> tuple[Tensor, Tensor]:
+def _sample_log_depth(log_depth: Tensor, uv: Tensor) -> tuple[Tensor, Tensor]:
     """Return the map at the nearest pixel, 0 where unknown, and whether it is known: (B, n)
     each.
     """

@@ -83,12 +83,12 @@ def frames(
     names = choose(sorted(f"{path.parts[-4]}/{path.parts[-2]}" for path in meshes))
     pictures = {name: root / "recordings" / name.replace("/", "/Color/", 1) for name in names}
     pictures = {name: path.with_name(f"{path.name}.jpg") for name, path in pictures.items()}
-    camera = _camera(root, [path for path in pictures.values() if path.is_file()])
+    camera = _read_camera(root, [path for path in pictures.values() if path.is_file()])
     frames = [
         Frame(
             name,
             name.partition("/")[0],
-            partial(_truth, root, name, mesh_frame, bodies),
+            partial(_read_truth, root, name, mesh_frame, bodies),
             camera,
             Picture(pictures[name], mirrored=True) if pictures[name].is_file() else None,
         )
@@ -97,7 +97,7 @@ def frames(
     return FrameSet(tuple(frames), (f"meshes are in the frame '{mesh_frame}'",))
 
 
-def _truth(root: Path, name: str, kind: str, bodies: BodyFiles) -> Truth:
+def _read_truth(root: Path, name: str, kind: str, bodies: BodyFiles) -> Truth:
     vertices = _mesh_vertices(root, name)
     joints = None
     file = _fitting_file(root, name, "results/{}/000.pkl")
@@ -147,7 +147,7 @@ def _to_camera(root: Path, points: Float64Array, kind: str) -> Float64Array:
     return moved
 
 
-def _camera(root: Path, pictures: Sequence[Path]) -> Camera:
+def _read_camera(root: Path, pictures: Sequence[Path]) -> Camera:
     file = root / "calibration" / "Color.json"
     with naming_file_in_errors(file):
         record = read_json(file)

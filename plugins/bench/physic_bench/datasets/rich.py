@@ -71,7 +71,7 @@ def frames(
     names = [
         f"{folder.parent.name}/{folder.name}/{int(file.stem)}"
         for folder in sorted((root / "bodies" / split).glob("*/*"))
-        for file in sorted((_scene(root, folder.parent.name) / "calibration").glob("*.xml"))
+        for file in sorted((_scene_file(root, folder.parent.name) / "calibration").glob("*.xml"))
         if file.stem.isdecimal()
     ]
     with_picture = [name for name in names if _picture(root, split, name) is not None]
@@ -81,19 +81,19 @@ def frames(
         sequence, moment, view = name.split("/")
         picture = _picture(root, split, name)
         try:
-            camera = _camera(
-                _scene(root, sequence) / "calibration" / f"{int(view):03d}.xml", picture
+            camera = _read_camera(
+                _scene_file(root, sequence) / "calibration" / f"{int(view):03d}.xml", picture
             )
         except DamagedFrameError as error:
             left_out[name] = str(error)
             continue
-        load = partial(_truth, root, sequence, moment, camera, split, bodies)
+        load = partial(_read_truth, root, sequence, moment, camera, split, bodies)
         frame_picture = None if picture is None else Picture(picture)
         frames.append(Frame(name, sequence, load, camera, frame_picture, f"{sequence}/{moment}"))
     return FrameSet(tuple(frames), (), left_out)
 
 
-def _truth(
+def _read_truth(
     root: Path, sequence: str, moment: str, camera: Camera, split: str, bodies: BodyFiles
 ) -> Truth:
     genders = read_json(root / "resource" / "gender.json")
@@ -113,11 +113,11 @@ def _truth(
                 file.stem, joints, JOINT_NAMES, "posed SMPL-X", vertices, "smplx", contact, "smpl"
             )
         )
-    scan = _scene(root, sequence) / "scan_camcoord.ply"
+    scan = _scene_file(root, sequence) / "scan_camcoord.ply"
     return Truth(tuple(people), scene=read_surface(scan) if scan.is_file() else None)
 
 
-def _camera(file: Path, picture: Path | None) -> Camera:
+def _read_camera(file: Path, picture: Path | None) -> Camera:
     with naming_file_in_errors(file):
         values = {
             name: checked_numbers([float(part) for part in node.text.split()], (-1,), name)  # type: ignore[union-attr]
@@ -151,7 +151,7 @@ def _camera(file: Path, picture: Path | None) -> Camera:
     return Camera(K, width, height, R, t, (float(k1), float(k2), 0.0, 0.0, 0.0))
 
 
-def _scene(root: Path, sequence: str) -> Path:
+def _scene_file(root: Path, sequence: str) -> Path:
     """Return the folder of the scene: the first word of the sequence, with its variant where there
     are several.
     """

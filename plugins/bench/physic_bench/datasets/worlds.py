@@ -35,19 +35,19 @@ def missing(root: Path, with_pictures: bool) -> list[str]:
 
 def frames(root: Path, choose: Callable[[list[str]], list[str]], bodies: BodyFiles) -> FrameSet:
     """Return the worlds, each a sequence of its own, and write their photos."""
-    return FrameSet(tuple(_frame(root, name) for name in choose(list(WORLDS))))
+    return FrameSet(tuple(_world_frame(root, name) for name in choose(list(WORLDS))))
 
 
-def _frame(root: Path, name: str) -> Frame:
+def _world_frame(root: Path, name: str) -> Frame:
     world = load_world(name)
     path = root / f"{name}.png"
     write_picture(path, world.image)
     size = (world.intrinsics.width, world.intrinsics.height)
     camera = Camera(world.intrinsics.matrix.astype(np.float64), *size)
-    return Frame(name, name, partial(_truth, name), camera, Picture(path))
+    return Frame(name, name, partial(_truth_of_world, name), camera, Picture(path))
 
 
-def _truth(name: str) -> Truth:
+def _truth_of_world(name: str) -> Truth:
     world = load_world(name)
     mesh = world.topology
     people = tuple(
@@ -56,10 +56,10 @@ def _truth(name: str) -> Truth:
             zip(world.joints, world.vertices, world.contact, strict=True)
         )
     )
-    return Truth(people, partial(_distance, world), world.floor.normal, world.floor.offset)
+    return Truth(people, partial(_distance_to_world, world), world.floor.normal, world.floor.offset)
 
 
-def _distance(world: World, points: Float64Array) -> Float64Array:
+def _distance_to_world(world: World, points: Float64Array) -> Float64Array:
     """Return the signed distance (N,) m of points (N, 3) m to the scene that the photo would show
     without people; 0 for points inside that the scene hides.
     """

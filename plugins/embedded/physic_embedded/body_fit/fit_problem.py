@@ -499,7 +499,7 @@ def fit_problem(
         **_floor_arrays(observations, floor),
     }
     stature = _stature_per_component(model)
-    soles = _soles(model)
+    soles = _sole_vertices(model)
     return FitProblem(
         landmarks=model.landmarks_only([skeleton], torch.cat(soles)),
         skeleton=skeleton,
@@ -597,7 +597,7 @@ def with_outlines(
     added, and what the lifter tells.
     """
     model = problem.landmarks.body
-    vertex_ids = torch.cat([*_soles(model), pairs.vertex_ids])
+    vertex_ids = torch.cat([*_sole_vertices(model), pairs.vertex_ids])
     landmarks = model.landmarks_only([problem.skeleton], vertex_ids)
     return replace(problem, landmarks=landmarks, outlines=pairs, lifted=lifted)
 
@@ -605,7 +605,7 @@ def with_outlines(
 _SOLE_STRIDE = 4  # every fourth vertex of a sole is enough to find its lowest point
 
 
-def _soles(model: BodyModel) -> list[Tensor]:
+def _sole_vertices(model: BodyModel) -> list[Tensor]:
     """Return the vertices that stand for the left and the right sole, int64."""
     return [model.contact_sets[f"{side}_sole"][::_SOLE_STRIDE] for side in ("left", "right")]
 

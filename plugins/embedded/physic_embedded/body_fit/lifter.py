@@ -120,13 +120,15 @@ def _predicted_offsets(view: LimbView) -> FloatArray:
         )
     )
     layers = _layers()
-    hidden = np.maximum(_affine(layers[0], x), 0)
+    hidden = np.maximum(_linear_layer(layers[0], x), 0)
     for first, second in zip(layers[1:-1:2], layers[2:-1:2], strict=True):
-        hidden = hidden + np.maximum(_affine(second, np.maximum(_affine(first, hidden), 0)), 0)
-    return _affine(layers[-1], hidden).reshape(view.joints.shape) * unit
+        hidden = hidden + np.maximum(
+            _linear_layer(second, np.maximum(_linear_layer(first, hidden), 0)), 0
+        )
+    return _linear_layer(layers[-1], hidden).reshape(view.joints.shape) * unit
 
 
-def _affine(layer: tuple[FloatArray, FloatArray], x: FloatArray) -> FloatArray:
+def _linear_layer(layer: tuple[FloatArray, FloatArray], x: FloatArray) -> FloatArray:
     """Return x (N, C) after weights (D, C) and a bias (D,)."""
     weight, bias = layer
     # Not by BLAS, whose threads would wait for each other.

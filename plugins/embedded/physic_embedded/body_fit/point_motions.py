@@ -86,7 +86,7 @@ def point_motions(
     family = tree.family[:joints]
     rest_by_shape = kinematics.directions[:shapes].view(shapes, total, 3)
     directions = torch.cat([rest_by_shape.mT, skin.directions[:shapes]], 2)  # (K, 3, P)
-    shaped = torch.cat([rest.mT, _shaped(skin, coefficients)], 2)  # (B, 3, P)
+    shaped = torch.cat([rest.mT, _shaped_vertices(skin, coefficients)], 2)  # (B, 3, P)
 
     bones = (turns @ shaped[:, None] + skinning[..., 3:]) * weights[:, None]  # (B, J, 3, P)
     moments = (family @ bones.flatten(2)).view(batch, joints, 3, -1)
@@ -110,7 +110,7 @@ def point_motions(
     )
 
 
-def _shaped(skin: Skin, coefficients: Tensor) -> Tensor:
+def _shaped_vertices(skin: Skin, coefficients: Tensor) -> Tensor:
     """Return the vertices (B, 3, V) of a shape in the bind pose."""
     directions = skin.directions[: coefficients.shape[1]].flatten(1)
     shaped = torch.addmm(skin.template.reshape(1, -1), coefficients, directions)

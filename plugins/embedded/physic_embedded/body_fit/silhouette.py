@@ -85,7 +85,7 @@ def outline_pairs(
     weight = np.zeros_like(offset)
     for i, mask in enumerate(masks):
         size = float(observations.size[i])
-        if not _usable(mask, observations.points[i], observations.confidence[i], size):
+        if not _is_usable_mask(mask, observations.points[i], observations.confidence[i], size):
             continue
         both = mask, np.asarray(np.delete(masks, i, 0).any(0))
         lines = _person_pairs(model, _crop(model, vertices[i], both, depth, camera, size))
@@ -103,7 +103,9 @@ def outline_pairs(
     )
 
 
-def _usable(mask: BoolArray, points: FloatArray, confidence: FloatArray, size: float) -> bool:
+def _is_usable_mask(
+    mask: BoolArray, points: FloatArray, confidence: FloatArray, size: float
+) -> bool:
     """Return whether a mask (H, W) holds the confident keypoints (J, 2) px of its person."""
     seen = points[confidence > SURE_CONFIDENCE]
     if not mask.any() or not len(seen):
@@ -175,8 +177,8 @@ class _PointPairs:
 
 def _person_pairs(model: BodyModel, crop: _Crop) -> _PointPairs | None:
     """Return the pairs of one person at coarse vertices, or None if mask or body is not there."""
-    mask = _outline(crop.mask)
-    body = _outline(crop.vertex >= 0)
+    mask = _mask_outline(crop.mask)
+    body = _mask_outline(crop.vertex >= 0)
     if mask is None or body is None:
         return None
     both = (
@@ -323,7 +325,7 @@ def _dilated(mask: BoolArray, reach: int) -> BoolArray:
     )
 
 
-def _outline(mask: BoolArray) -> _Outline | None:
+def _mask_outline(mask: BoolArray) -> _Outline | None:
     """Return the pixels on the outer outlines of a mask (H, W), or None if it is empty."""
     lines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if not lines:

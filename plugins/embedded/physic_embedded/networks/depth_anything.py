@@ -70,7 +70,7 @@ def predict_disparity(
     fed, photo = _network_input(image, short_side, max_tokens)
 
     def see(tokens: Float32Array) -> None:
-        TOKENS.put(_key(session.name, fed), tokens)
+        TOKENS.put(_token_key(session.name, fed), tokens)
 
     beside = {_ENCODED: see} if keep_tokens and TOKENS.readers else {}
     (answer,) = session.run(["depth"], {"image": fed}, keep=True, beside=beside)
@@ -104,7 +104,7 @@ def patch_tokens(
         max_tokens: cap on the number of patches.
     """
     fed, photo = _network_input(image, short_side, max_tokens)
-    tokens = TOKENS.take(_key(graph, fed))
+    tokens = TOKENS.take(_token_key(graph, fed))
     if tokens is None:
         (tokens,) = open_session(graph).run([_ENCODED], {"image": fed})
     return _patches(tokens, fed, photo)
@@ -126,5 +126,5 @@ def _network_input(
     return np.ascontiguousarray(canvas.transpose(2, 0, 1)[None], np.float32), photo
 
 
-def _key(graph: str, fed: Float32Array) -> Hashable:
+def _token_key(graph: str, fed: Float32Array) -> Hashable:
     return graph, fed.shape, hashlib.blake2b(fed.data).digest()

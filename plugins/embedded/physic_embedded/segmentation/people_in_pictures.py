@@ -38,12 +38,12 @@ def halve_unlikely_people(people: People, framed: BoolArray) -> People:
     asked = replace(
         people,
         scores=scores.astype(people.scores.dtype),
-        notes=people.notes + ((_note(people, pictures),) if pictures.any() else ()),
+        notes=people.notes + ((_unlikely_people_note(people, pictures),) if pictures.any() else ()),
     )
     return select_people(asked, np.argsort(-scores, kind="stable"))
 
 
-def _note(people: People, asked: BoolArray) -> str:
+def _unlikely_people_note(people: People, asked: BoolArray) -> str:
     """Return a note about the people (N,) who are ``asked`` about."""
     boxes = boxes_from_masks(people.masks[asked]).round().astype(int).tolist()
     places = " and ".join(",".join(map(str, box)) for box in boxes)

@@ -102,7 +102,7 @@ def _person_mask(
         k, fit = _best(answer.logits, rough, joints, outside, embedding)
         return fit, answer.logits[k], answer.raw[k]
 
-    around = _box(rough, embedding)
+    around = _padded_box(rough, embedding)
     free, boxed = look(None), look(around)
     best, box = (boxed, around) if boxed[0] > free[0] else (free, None)
     refined = look(box, best[2])
@@ -192,7 +192,7 @@ def _points_in_mask(points: FloatArray, mask: BoolArray, embedding: ImageEmbeddi
     return points[mask[row, column]]
 
 
-def _box(mask: BoolArray, embedding: ImageEmbedding, margin: float = 0.04) -> FloatArray:
+def _padded_box(mask: BoolArray, embedding: ImageEmbedding, margin: float = 0.04) -> FloatArray:
     """Return the box of a grid mask in photo px, slightly larger than its 0.5th to 99.5th
     percentile.
     """

@@ -115,7 +115,9 @@ def _in_box(detected: DetectedPeople, box: FloatArray) -> DetectedPose | None:
         if overlap.max() >= MIN_BOX_IOU:
             return detected.poses[int(overlap.argmax())]
     others = [person.pose for person in detected.poses]
-    pose = max(_poses(detected, box, others), key=lambda pose: pose.score * box_fit(pose, box))
+    pose = max(
+        _poses_in_box(detected, box, others), key=lambda pose: pose.score * box_fit(pose, box)
+    )
     if pose.score <= 0.5:
         return None
     return DetectedPose(pose, float(pose.score * np.sqrt(box_fit(pose, box))), box)
@@ -129,7 +131,7 @@ def _in_mask(detected: DetectedPeople, mask: BoolArray) -> DetectedPose | None:
         for person, pose_mask in zip(detected.poses, detected.masks, strict=True)
         if not (pose_mask & mask).any()
     ]
-    poses = [person.pose for person in detected.poses] + _poses(detected, box, neighbours)
+    poses = [person.pose for person in detected.poses] + _poses_in_box(detected, box, neighbours)
 
     def overlap(pose: Pose) -> float:
         x, y = detected.embedding.grid_axes()
@@ -145,7 +147,7 @@ def _in_mask(detected: DetectedPeople, mask: BoolArray) -> DetectedPose | None:
     return DetectedPose(best, float(best.score), box) if best.score > 0.5 else None
 
 
-def _poses(detected: DetectedPeople, box: FloatArray, others: Sequence[Pose]) -> list[Pose]:
+def _poses_in_box(detected: DetectedPeople, box: FloatArray, others: Sequence[Pose]) -> list[Pose]:
     """Return poses in a box (4,): with and without the other people, of a whole person and of an
     upper half.
     """

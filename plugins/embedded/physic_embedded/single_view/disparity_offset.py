@@ -104,11 +104,11 @@ def disparity_at_infinity(
     weight = np.exp(-(cost - cost.min()) / 2)
     gap = float(np.exp(np.average(np.log(gaps), weights=weight)))
     infinity = farthest - gap * span
-    sigma = _spread(np.log(gaps), np.log(gap), weight)
-    return InfinityEstimate(infinity, sigma, _spread(candidates, infinity, weight))
+    sigma = _weighted_std(np.log(gaps), np.log(gap), weight)
+    return InfinityEstimate(infinity, sigma, _weighted_std(candidates, infinity, weight))
 
 
-def _spread(values: FloatArray, mean: float, weight: FloatArray) -> float:
+def _weighted_std(values: FloatArray, mean: float, weight: FloatArray) -> float:
     """Return the standard deviation of weighted values (C,)."""
     return float(np.sqrt(np.average((values - mean) ** 2, weights=weight)))
 
@@ -160,7 +160,7 @@ def _floor_cost(
 
         sigma = math.hypot(pitch[1], FOCAL_PITCH_DEG * focal[1])
         of_floor = np.degrees(np.arctan2(down[:, 2], down[:, 1]))
-        cost = cost + _robust((of_floor - pitch[0]) / sigma)
+        cost = cost + _robust_cost((of_floor - pitch[0]) / sigma)
     if len(walls):
         cost = cost + walls_cost(walls, candidates, down)
     if len(bodies):
@@ -179,11 +179,11 @@ def _horizon_cost(
     middle = float(np.median(far))
     spread = 1.48 * float(np.median(np.abs(far - middle)))
     trust = float(np.exp(-0.5 * (spread / (_STRAIGHT * floor.dv)) ** 2))
-    cost = _robust((candidates - middle) / np.hypot(spread, _HORIZON_SIGMA * floor.dv))
+    cost = _robust_cost((candidates - middle) / np.hypot(spread, _HORIZON_SIGMA * floor.dv))
     return trust * cost, trust
 
 
-def _robust(residual: FloatArray) -> FloatArray:
+def _robust_cost(residual: FloatArray) -> FloatArray:
     """Return a robust squared residual, so that a single wrong cue cannot outweigh the others."""
 
     return 4 * np.log1p(residual**2 / 4)

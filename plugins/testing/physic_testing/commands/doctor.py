@@ -140,7 +140,7 @@ def try_backend(offer: Offer, device: str) -> DoctorResult:
             backend = kind()
         step = "missing()"
         if messages := missing_requirements(backend):
-            return _result(offer, "missing", "; ".join(messages))
+            return _doctor_result(offer, "missing", "; ".join(messages))
         step = f"load('{device}')"
         with plugin_code():
             backend.load(device)
@@ -152,10 +152,12 @@ def try_backend(offer: Offer, device: str) -> DoctorResult:
         state: Literal["missing", "broken"] = (
             "broken" if step in ("import", "missing()") else "missing"
         )
-        return _result(offer, state, str(error).removeprefix(str(offer)).lstrip(": "), error)
+        return _doctor_result(offer, state, str(error).removeprefix(str(offer)).lstrip(": "), error)
     except Exception as error:
-        return _result(offer, "broken", f"{step} fails: {describe_error(error, owner)}", error)
-    return replace(_result(offer, "ok"), seconds=round(time.perf_counter() - start, 2))
+        return _doctor_result(
+            offer, "broken", f"{step} fails: {describe_error(error, owner)}", error
+        )
+    return replace(_doctor_result(offer, "ok"), seconds=round(time.perf_counter() - start, 2))
 
 
 def try_in_processes(
@@ -191,13 +193,13 @@ def _try_in_process(offer: Offer, device: str, timeout: float) -> DoctorResult:
                     check=False,
                 )
             except subprocess.TimeoutExpired:
-                return _result(offer, "broken", f"not finished after {timeout:g} s")
+                return _doctor_result(offer, "broken", f"not finished after {timeout:g} s")
         with suppress(OSError, ValueError, TypeError):
             return DoctorResult(**json.loads(answer.read_bytes()))
         text = output.read_text(encoding="utf-8", errors="replace")
     last = (text.strip() or "no output").rpartition("\n")[2]
     cause = f"it ended Python with code {done.returncode}: {last}"
-    return replace(_result(offer, "broken", cause), traceback=text if is_debugging() else "")
+    return replace(_doctor_result(offer, "broken", cause), traceback=text if is_debugging() else "")
 
 
 def _with_bar(results: Iterable[DoctorResult], count: int) -> list[DoctorResult]:
@@ -210,7 +212,7 @@ def _with_bar(results: Iterable[DoctorResult], count: int) -> list[DoctorResult]
         return list(bar)
 
 
-def _result(
+def _doctor_result(
     offer: Offer,
     state: Literal["ok", "missing", "broken"],
     message: str = "",

@@ -208,7 +208,7 @@ _LARGE = float(np.log(1.2))
 _FAR = (KnownMistake("too far", times(np.e), _FOCAL, 1, " of the logarithm", _LARGE),)
 
 
-def _times(words: str, factor: Callable[[Case], Any]) -> KnownMistake:
+def _reading_of_factor(words: str, factor: Callable[[Case], Any]) -> KnownMistake:
     """Return the reading of places that are multiplied by something of the photo."""
     return KnownMistake(
         f"times {words}", lambda at, truth: at * factor(truth["case"]), _FOCAL, 1, "", 0.5
@@ -216,8 +216,8 @@ def _times(words: str, factor: Callable[[Case], Any]) -> KnownMistake:
 
 
 _CROP = (
-    _times("the side of the person's box", lambda case: case.box_sides[:, None]),
-    _times("the focal length", lambda case: case.intrinsics.fx),
+    _reading_of_factor("the side of the person's box", lambda case: case.box_sides[:, None]),
+    _reading_of_factor("the focal length", lambda case: case.intrinsics.fx),
 )
 
 _DOWN = "y is down in the camera's frame."

@@ -161,7 +161,7 @@ def _fitted_log_depths(z: FloatArray, truth: Truth) -> list[FloatArray]:
     return [_logs(answered, truth | {"z": true}).ravel()]
 
 
-def _edges(z: FloatArray, truth: Truth) -> list[FloatArray]:
+def _edge_slopes(z: FloatArray, truth: Truth) -> list[FloatArray]:
     """Return the slopes of log z outside of the hole, which errors of low frequency leave alone."""
     import cv2
 
@@ -368,7 +368,7 @@ _BOTH = (
             KnownMistake("to the right", shifted(1), _RESIZED, 1, " px", 0.5),
             KnownMistake("down", shifted(0), _RESIZED, 1, " px", 0.5),
         ),
-        _edges,
+        _edge_slopes,
         after=_UPRIGHT,
     ),
     Group(

@@ -163,7 +163,7 @@ def load_world(name: str = "stand", size: tuple[int, int] = (320, 240)) -> World
             f"A world has photos in the ratio 4 : 3, of at least {labels.SMALLEST_PX} px, "
             f"got {long} x {short} px."
         )
-    return _load(name, long, short)
+    return _load_world(name, long, short)
 
 
 def world_of(image: UInt8Array) -> World | None:
@@ -187,7 +187,7 @@ def project(points: FloatArray, intrinsics: Intrinsics) -> FloatArray:
 
 
 @lru_cache(maxsize=24)
-def _load(name: str, long: int, short: int) -> World:
+def _load_world(name: str, long: int, short: int) -> World:
     """Load a world at a photo size, and compute what depends on the size."""
     import torch
 
@@ -206,7 +206,7 @@ def _load(name: str, long: int, short: int) -> World:
         name=name,
         **_pictures(file, name, stored, size),
         intrinsics=intrinsics,
-        **_views(file, vertices, model.faces.numpy(), intrinsics),
+        **_visible_surfaces(file, vertices, model.faces.numpy(), intrinsics),
         floor=Plane(file["floor"][:3], float(file["floor"][3])),
         keypoints={
             key: project(_points_of(model, skeleton, vertices, joints), intrinsics)
@@ -279,7 +279,7 @@ def _pictures(
     return pictures
 
 
-def _views(
+def _visible_surfaces(
     file: Mapping[str, Any], vertices: FloatArray, faces: Int64Array, intrinsics: Intrinsics
 ) -> dict[str, Any]:
     """Return depth, normals, masks and surfaces with and without people."""

@@ -68,7 +68,7 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         "checks": [_check(check) for check in reconstruction.checks],
         "licenses": _licenses(reconstruction.stages),
     }
-    ready: dict[str, Any] = _finite(contents)
+    ready: dict[str, Any] = _json_number(contents)
     return ready
 
 
@@ -133,12 +133,12 @@ def _licenses(stages: Sequence[StageRecord]) -> list[str]:
     )
 
 
-def _finite(value: Any) -> Any:
+def _json_number(value: Any) -> Any:
     """Replace numbers that are not finite by None, in lists and dictionaries."""
     if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: _json_number(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [_json_number(item) for item in value]
     if isinstance(value, str | int | None):
         return value
     number = float(value)

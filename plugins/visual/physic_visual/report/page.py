@@ -53,11 +53,11 @@ def report_html(reconstruction: Reconstruction, title: str = "") -> str:
         "<", "\\u003c"
     )
     script = "\n".join(_read_part(name) for name in _SCRIPTS)
-    return _fill(
+    return _fill_template(
         _read_part("report.html"),
         {
             "GENERATOR": PAGE_MARK,
-            "POLICY": _policy(_read_part("vendor/three.js"), script),
+            "POLICY": _content_security_policy(_read_part("vendor/three.js"), script),
             "TITLE": _escaped(title or "Reconstruction"),
             "STYLE": _read_part("report.css"),
             "THREE": _read_part("vendor/three.js"),
@@ -79,8 +79,9 @@ def failure_html(title: str, message: str) -> str:
         "MESSAGE": _escaped(message),
         "STYLE": _read_part("report.css"),
     }
-    return _fill(
-        _read_part("failure.html"), {"GENERATOR": PAGE_MARK, "POLICY": _policy(), **fields}
+    return _fill_template(
+        _read_part("failure.html"),
+        {"GENERATOR": PAGE_MARK, "POLICY": _content_security_policy(), **fields},
     )
 
 
@@ -96,14 +97,14 @@ def _read_part(name: str) -> str:
     return (files("physic_visual.report") / "page" / name).read_text(encoding="utf-8")
 
 
-def _fill(template: str, fields: dict[str, str]) -> str:
+def _fill_template(template: str, fields: dict[str, str]) -> str:
     """Replace each @NAME@ of a template in one pass, so that text of a field never passes for a
     token.
     """
     return _TOKEN.sub(lambda match: fields[match[1]], template)
 
 
-def _policy(*scripts: str) -> str:
+def _content_security_policy(*scripts: str) -> str:
     """Return a content security policy that allows these scripts, the page's own style, and
     pictures in the page.
     """

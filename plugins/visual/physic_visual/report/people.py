@@ -58,13 +58,14 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
     """
     posed = any(person.has_body for person in reconstruction.people)
     body = body_at_hand(reconstruction) if posed else None
-    gaps = _gaps(reconstruction)
+    gaps = _people_gaps(reconstruction)
     return [
-        _record(reconstruction, index, gaps, body) for index in range(len(reconstruction.people))
+        _person_record(reconstruction, index, gaps, body)
+        for index in range(len(reconstruction.people))
     ]
 
 
-def _record(
+def _person_record(
     reconstruction: Reconstruction,
     index: int,
     gaps: dict[tuple[int, int], float],
@@ -84,7 +85,7 @@ def _record(
         "posed": posed,
         "contact_vertices": int(np.sum(person.contact)),
         "vertices": len(person.vertices),
-        "contacts": _contacts(person),
+        "contacts": _contact_texts(person),
         "support": None if person.support is None else str(person.support),
         "stature": None if body is None else person.stature,
         "stature_sigma": None if body is None else person.stature_sigma,
@@ -97,13 +98,13 @@ def _record(
         "distance_sigma": reconstruction.distance_sigmas[index],
         "pelvis": pelvis.tolist() if posed else None,
         "crown": crown(person, up).tolist() if posed else None,
-        **_heights(reconstruction, person),
-        "others": _others(reconstruction, index, gaps),
+        **_height_fields(reconstruction, person),
+        "others": _other_people_records(reconstruction, index, gaps),
         "contact": None if body is None else _contact_areas_by_part(reconstruction, person, body),
     }
 
 
-def _others(
+def _other_people_records(
     reconstruction: Reconstruction, index: int, gaps: dict[tuple[int, int], float]
 ) -> list[dict[str, Any]]:
     people = reconstruction.people
@@ -119,7 +120,7 @@ def _others(
     ]
 
 
-def _contacts(person: Person) -> list[dict[str, Any]]:
+def _contact_texts(person: Person) -> list[dict[str, Any]]:
     titles = partner_titles(contact.partner for contact in person.contacts)
     return [
         {
@@ -135,7 +136,7 @@ def _contacts(person: Person) -> list[dict[str, Any]]:
     ]
 
 
-def _heights(reconstruction: Reconstruction, person: Person) -> dict[str, Any]:
+def _height_fields(reconstruction: Reconstruction, person: Person) -> dict[str, Any]:
     """Return the heights of pelvis and lowest vertex over the floor, metres; None without a floor
     or a body.
     """
@@ -150,7 +151,7 @@ def _heights(reconstruction: Reconstruction, person: Person) -> dict[str, Any]:
     }
 
 
-def _gaps(reconstruction: Reconstruction) -> dict[tuple[int, int], float]:
+def _people_gaps(reconstruction: Reconstruction) -> dict[tuple[int, int], float]:
     """Return the least distance between the vertices of each ordered pair of people with a body,
     metres.
     """
@@ -166,12 +167,12 @@ def _gaps(reconstruction: Reconstruction) -> dict[tuple[int, int], float]:
     trees = {index: cKDTree(points[index]) for index in posed}
     gaps: dict[tuple[int, int], float] = {}
     for first, second in combinations(posed, 2):
-        gap = _gap(trees[first], points[first], points[second])
+        gap = _least_distance(trees[first], points[first], points[second])
         gaps[first, second] = gaps[second, first] = gap
     return gaps
 
 
-def _gap(tree: cKDTree, first: Float64Array, second: Float64Array) -> float:
+def _least_distance(tree: cKDTree, first: Float64Array, second: Float64Array) -> float:
     """Return the least distance of two sets of points, the first of them in the tree."""
     bound = float(tree.query(second[::_SPARSE])[0].min())
     near = ((second >= first.min(0) - bound) & (second <= first.max(0) + bound)).all(1)

@@ -55,7 +55,7 @@ def photo_weights(
     """
     reach = np.linalg.norm(points, axis=1)
     facing = -(normals * points).sum(1) / np.maximum(np.linalg.norm(normals, axis=1) * reach, 1e-12)
-    weight = _smooth((facing - NO_FACING) / (FULL_FACING - NO_FACING)) * (points[:, 2] > 0)
+    weight = _smoothstep((facing - NO_FACING) / (FULL_FACING - NO_FACING)) * (points[:, 2] > 0)
     if caster is not None:
         visible_rows = np.flatnonzero(weight)
         distance = caster.first(np.zeros(3), points[visible_rows]).distance
@@ -82,13 +82,13 @@ def photo_colors(
     visible_share = np.zeros(len(points))
     near = np.zeros(len(points))
     visible_rows = np.flatnonzero((weight > 0) & (points[:, 2] > 0))
-    photo[visible_rows], inside, close = _sample(result, index, points[visible_rows])
+    photo[visible_rows], inside, close = _sample_photo(result, index, points[visible_rows])
     visible_share[visible_rows] = weight[visible_rows] * inside
     near[visible_rows] = weight[visible_rows] * close
     return photo, visible_share, near
 
 
-def _smooth(share: Float64Array) -> Float64Array:
+def _smoothstep(share: Float64Array) -> Float64Array:
     t = np.clip(share, 0.0, 1.0)
     return t * t * (3 - 2 * t)
 
@@ -139,7 +139,7 @@ def _mask_picture(image: UInt8Array, mask: BoolArray) -> _MaskPicture | None:
     )
 
 
-def _sample(
+def _sample_photo(
     result: Reconstruction, index: int, points: Float64Array
 ) -> tuple[Float64Array, BoolArray, BoolArray]:
     """Return the photo's colours (n, 3) at points of its frame, and whether each is in the mask of
