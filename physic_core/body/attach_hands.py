@@ -25,7 +25,14 @@ from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_nu
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.types import BodyParameters, BoolArray, Float64Array, Hands, Int64Array
+    from physic_core.types import (
+        BodyParameters,
+        BoolArray,
+        Float64Array,
+        FloatArray,
+        Hands,
+        Int64Array,
+    )
 
 WRIST_LIMITS = np.array([1.6, 1.0, 1.5]) + 0.15
 """Largest rotation of a wrist from its place in the T-pose about x, y and z, radians: that of all
@@ -83,6 +90,18 @@ def _follow_shares(hands: Hands) -> Float64Array:
     confidence = np.asarray(hands.confidence, np.float64)
     ramp = np.clip((confidence - _MIN_CONFIDENCE) / (_FULL_CONFIDENCE - _MIN_CONFIDENCE), 0.0, 1.0)
     return ramp * ramp * (3 - 2 * ramp)
+
+
+def wrist_turns_deg(parameters: BodyParameters, wrists: FloatArray) -> Float64Array:
+    """Return by how many degrees (N, 2) wrists (N, 2, 3), in the camera's frame, are turned from
+    those of bodies; NaN for people without an estimate.
+    """
+    rotations = rotations_from_tpose(rotations_from_parameters(parameters).double().numpy())
+    given = rotvec_to_rotmat_numpy(np.asarray(wrists, np.float64))
+    way = given @ np.swapaxes(rotations[:, _WRISTS], -1, -2)
+    cosine = (np.trace(way, axis1=-2, axis2=-1) - 1) / 2
+    turns: Float64Array = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return turns
 
 
 def _rotate_towards(

@@ -137,7 +137,7 @@ class CodeDigester:
             The digest. None if there is no reliable one: the class is defined in a function or an
                 interactive session, or its files were modified after this process started.
         """
-        modules = []
+        modules: list[Path] = []
         for base in kind.__mro__:
             top = base.__module__.partition(".")[0]
             if top in sys.stdlib_module_names or (modules and not _sources(top)):

@@ -13,14 +13,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.backends.people import SAME_PERSON, keypoint_similarity
+from physic_core.body.joints import joint_pair
 from physic_core.errors import BodyModelError, ConfigError
 from physic_core.interfaces.bodies import valid_body_rows, valid_contact_rows, valid_hand_rows
 from physic_core.interfaces.people import valid_keypoint_rows
+from physic_core.pipeline.doubts import doubt_of_wrists
 from physic_core.types import BodyParameters
 from physic_core.types.arrays import select_people
+from physic_core.types.observations import LEAST_PROBABILITY
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
+    from physic_core.configuration.resolve import ResolvedBackend
     from physic_core.pipeline.stage_caller import StageCaller
     from physic_core.types import (
         Bodies,
@@ -41,6 +45,7 @@ _FEW_OWN_JOINTS = 0.3  # share on the own mask
 _MOST_JOINTS = 0.6  # share on that of another person
 # Of 296 people in 67 photos none has less than .31, or is nearer than .70.
 _VISIBLE = 0.25  # least area of a mask over its joints' hull, with most joints on another mask
+_MOST_CONTACT = 0.6  # share of the vertices; worlds with contact have at most .25
 
 
 def is_real_person(people: People, prompt: PeoplePrompt | None = None) -> BoolArray:
@@ -105,6 +110,23 @@ def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
     left = np.where(has_hand[:, :1], flat[:, 0], p.left_hand_pose)
     right = np.where(has_hand[:, 1:], flat[:, 1], p.right_hand_pose)
     return replace(bodies, parameters=replace(p, left_hand_pose=left, right_hand_pose=right))
+
+
+def without_doubtful_wrists(
+    hands: Hands, bodies: Bodies, by: ResolvedBackend, stages: StageCaller
+) -> Hands:
+    """Return hands without wrists, and with a warning, if these are far from the wrists of the
+    bodies and the backend never passed the kit.
+    """
+    if hands.wrists is None or stages.has_passed_kit(by):
+        return hands
+    from physic_core.body.attach_hands import wrist_turns_deg
+
+    doubt = doubt_of_wrists(hands, wrist_turns_deg(bodies.parameters, hands.wrists))
+    if not doubt:
+        return hands
+    stages.warn(f"{by.title}: {doubt}")
+    return replace(hands, wrists=None)
 
 
 def convert_to_configured(
@@ -224,6 +246,21 @@ def expand_contact(
     expanded = np.zeros((len(has_contact), probability.shape[1]), probability.dtype)
     expanded[has_contact & ~invalid] = probability[valid]
     return replace(contact, probability=expanded), invalid
+
+
+def doubt_of_contact(contact: ContactProbability, bodies: Bodies) -> str:
+    """Return what makes contact probabilities of N bodies doubtful; "" if nothing does."""
+    likely = contact.probability[valid_contact_rows(contact)]
+    most = float((likely >= LEAST_PROBABILITY).mean(1).max(initial=0))
+    if most > _MOST_CONTACT:
+        return (
+            f"its probabilities say that {most:.0%} of a body are in contact: is 1 contact, or are "
+            f"they inverted?"
+        )
+    feet_seen = bodies.observed is None or bodies.observed[:, joint_pair("ankle")].any()
+    if likely.size and feet_seen and not likely.any():
+        return "its probabilities are 0 everywhere, even at feet that the photo shows"
+    return ""
 
 
 def _with_neutral_rows(result: Any, invalid: BoolArray, **blanks: float) -> Any:

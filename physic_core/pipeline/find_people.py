@@ -25,10 +25,12 @@ from physic_core.pipeline.backend_results import (
     discard_invalid_bodies,
     discard_invalid_hands,
     discard_invalid_keypoints,
+    doubt_of_contact,
     expand_contact,
     is_real_person,
     replace_hands,
     transfer_contact,
+    without_doubtful_wrists,
 )
 from physic_core.prepare.people import (
     expand_known,
@@ -374,6 +376,7 @@ def add_hands(
     if hands is None:
         return bodies, np.ones(len(people), bool)
     hands, missing = discard_invalid_hands(hands)
+    hands = without_doubtful_wrists(hands, bodies, run.resolved("hands"), run.stages)
     return replace_hands(bodies, hands, run.model), missing
 
 
@@ -459,6 +462,7 @@ def estimate_contact(
     nothing = ContactProbability(np.zeros(shape, np.float32), model.topology)
     if not run.wants("contact prior", has_body):
         return nothing, None
+    prior = run.resolved("contact prior").title
     request = ContactPriorRequest(
         run.image, people, bodies, topology=model.topology, vertices=model.num_vertices
     )
@@ -466,7 +470,9 @@ def estimate_contact(
         "contact prior", request, otherwise="contact is computed from distances only"
     )
     if contact is not None and contact.topology != model.topology:
-        contact = transfer_contact(contact, model, run.resolved("contact prior").title, run.stages)
+        contact = transfer_contact(contact, model, prior, run.stages)
     if contact is None:
         return nothing, np.ones(len(has_body), bool)
+    if doubt := doubt_of_contact(contact, bodies):
+        run.stages.warn(f"{prior}: {doubt}")
     return expand_contact(contact, has_body)

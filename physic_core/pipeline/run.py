@@ -454,17 +454,33 @@ def _with_descriptions(
         stages.warn(*others, *warning_messages(result.checks))
         stages.warn(*small_stature_warnings(estimates, result), *bent_trunk_warnings(result))
         stages.note(*describe_methods(estimates, result))
-        is_usable = all(len(one.usable) == len(one.marks) for one in result.people)
-        if not (result.people and is_usable) or any(check.failed for check in result.checks):
-            stages.warn(
-                *(
-                    f"not everything is usable, and {backend.title} never passed `physic plugins "
-                    f"check` here: it may be wrong"
-                    for backend in plan.backends.values()
-                    if not stages.has_passed_kit(backend)
-                )
-            )
+    with stages.optional_step("the search for mistakes of backends"):
+        _warn_of_contradictions(plan, estimates, result, stages)
     return replace(result, diagnostics={**result.diagnostics, **repositories})
+
+
+def _warn_of_contradictions(
+    plan: ResolvedPipeline, estimates: Estimates, result: Reconstruction, stages: StageCaller
+) -> None:
+    """Warn of backends that never passed the kit, and whose answers contradict those of others."""
+    from physic_core.pipeline.doubts import doubt_of_contact_places, doubt_of_distance_from_others
+
+    strange = {name: one for name, one in plan.backends.items() if not stages.has_passed_kit(one)}
+    prior = strange.get("contact_prior")
+    if prior and (doubt := doubt_of_contact_places(result, estimates.contact.probability)):
+        stages.warn(f"{prior.title}: {doubt}")
+    furthest, doubt = doubt_of_distance_from_others(result, strange)
+    if furthest and not any(strange[furthest].title in text for text in stages.warnings):
+        stages.warn(f"{strange[furthest].title}: {doubt}; physic plugins check tries it alone")
+    titles = [backend.title for backend in strange.values()]
+    is_usable = all(len(person.usable) == len(person.marks) for person in result.people)
+    if result.people and is_usable and not any(check.failed for check in result.checks):
+        return
+    if titles and not any(title in text for title in titles for text in stages.warnings):
+        stages.warn(
+            f"not everything is usable, and these backends never passed physic plugins check here, "
+            f"so they may be wrong: {', '.join(titles)}"
+        )
 
 
 def _estimate(run: PhotoRun, *, close: bool) -> Estimates:

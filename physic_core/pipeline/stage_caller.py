@@ -32,12 +32,15 @@ from physic_core.discovery.process_state import restored_process_state
 from physic_core.errors import BackendError, BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
 from physic_core.interfaces.checks import require_image
+from physic_core.interfaces.comparison import describe_difference
+from physic_core.pipeline.doubts import doubts_of, doubts_of_repetition
 from physic_core.types import StageRecord
 
 if TYPE_CHECKING:
     from physic_core.cache.results import CacheKey, ResultCache
     from physic_core.configuration.resolve import ResolvedBackend
     from physic_core.interfaces import Backend, Request
+    from physic_core.types import UInt8Array
 
 _LOG = logging.getLogger(__name__)
 
@@ -165,7 +168,10 @@ class StageCaller:
                     result = canonicalize(result)  # the backend may write to its arrays later
             seconds = time.perf_counter() - start
             failed = False
-            if key is not None and not cached:
+            agrees = False
+            with self.optional_step(f"{resolved.title}: the search for mistakes"):
+                agrees = self._warn_of_doubts(resolved, request, result, called=not cached)
+            if key is not None and not cached and agrees:
                 assert self.cache is not None
                 self.cache.write(key, result)
         finally:
@@ -183,6 +189,31 @@ class StageCaller:
     def has_passed_kit(self, resolved: ResolvedBackend) -> bool:
         """Return whether a backend ships with the project, or has passed the conformance kit."""
         return self._loaded.has_passed_kit(resolved)
+
+    def _warn_of_doubts(
+        self, resolved: ResolvedBackend, request: Request[Result], result: object, *, called: bool
+    ) -> bool:
+        """Warn of what makes a result doubtful, unless the backend has passed the kit; return
+        whether the backend answers its first question twice in the same way.
+        """
+        if self.has_passed_kit(resolved):
+            return True
+        interface = resolved.provenance.interface
+        doubts = list(doubts_of(interface, request, result))
+        differs = ""
+        capabilities = getattr(resolved.backend, "capabilities", ())
+        last = self._loaded.last.get(id(resolved.backend))
+        if called:
+            self._loaded.last[id(resolved.backend)] = request.image, result
+        if called and last is not None and "ignores_image" not in capabilities:
+            doubts += doubts_of_repetition(interface, *last, request.image, result)
+        if called and last is None and "stochastic" not in capabilities:
+            with wrap_plugin_errors(resolved.title, resolved, self.warn), network_results_in(None):
+                again = call(resolved.backend, copy.deepcopy(request))
+            if differs := describe_difference(result, again):
+                doubts.append(f"two calls give different answers ({differs}): is dropout on?")
+        self.warn(*(f"{resolved.title}: {doubt}" for doubt in doubts))
+        return not differs
 
     def trim_cache(self) -> None:
         """Trim the cache and collect its notes; the backends stay loaded."""
@@ -231,9 +262,15 @@ class StageCaller:
 
 
 class LoadedBackends:
-    """The backends of a pipeline that are loaded on one device."""
+    """The backends of a pipeline that are loaded on one device.
+
+    Attributes:
+        last: image and result of the last call of each backend that never passed the kit, by its
+            id.
+    """
 
     def __init__(self, device: str) -> None:
+        self.last: dict[int, tuple[UInt8Array, object]] = {}
         self._device = device
         self._loaded: dict[int, ResolvedBackend] = {}
         self._ready: set[int] = set()

@@ -251,7 +251,7 @@ class Depth(MetricDepth):
 """
 
 
-def test_a_backend_is_vouched_for_until_what_its_results_depend_on_changes(site, monkeypatch):
+def test_a_backend_has_passed_kit_until_what_its_results_depend_on_changes(site, monkeypatch):
     monkeypatch.setenv("PHYSIC_CACHE", str(site / "cache"))
     named = write(site / "weights.bin", "1")
     inside = write(site / "elsewhere" / "part.bin", "1")

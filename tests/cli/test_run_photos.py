@@ -79,8 +79,9 @@ def constructed(monkeypatch):
     "part",
     [
         "physic_core.judge.run_checks",
-        "physic_core.pipeline.reconstruction.judge",
+        "physic_core.pipeline.reconstruction.with_checks_and_trust",
         "physic_core.pipeline.reconstruction.describe_repositories",
+        "physic_core.pipeline.doubts.doubt_of_distance_from_others",
         "physic_core.io.results.person_rows",
         "physic_core.io.result_folder.person_rows",
         "physic_core.io.results.make_pictures",

@@ -41,7 +41,7 @@ _TEST = """\
 from physic_testing import parametrize_with_checks
 
 
-# All checks must pass: until then, `physic plugins` marks the backend, and runs name it.
+# All checks must pass: until then, `physic plugins` marks the backend, and a run doubts it.
 @parametrize_with_checks("{interface}", "{backend}")
 def test_conformance(check):
     check()
