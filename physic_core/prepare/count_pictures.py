@@ -41,10 +41,17 @@ _MORE_THAN_BLOCKS = 1.2
 
 
 def count_pictures(image: UInt8Array) -> int:
-    """Return the number of pictures in an image (H, W, 3), rows times columns of them; 1 without a
-    strip or a seam.
+    """Return the number of pictures between strips, or of one size, in an image (H, W, 3), rows
+    times columns of them; 1 without a strip or a seam.
     """
     return len(_part_heights(image)) * len(_part_heights(image.transpose(1, 0, 2)))
+
+
+def count_joined_pictures(image: UInt8Array) -> int:
+    """Return the number of pictures of any sizes in an image (H, W, 3) that meet without a strip;
+    the sides beside a picture count, too.
+    """
+    return len(_joined_heights(image)) * len(_joined_heights(image.transpose(1, 0, 2)))
 
 
 def _part_heights(across: UInt8Array) -> list[int]:
@@ -56,10 +63,7 @@ def _part_heights(across: UInt8Array) -> list[int]:
     sides = [stop - start for start, stop in list(pairwise(ends))[::2]]
     if min(sides) < _PART * height:
         return [height]
-    for parts in (sides, _equal_parts(across)):
-        if len(parts) > 1:
-            return parts
-    return _unequal_parts(across)
+    return sides if len(sides) > 1 else _equal_parts(across)
 
 
 def _equal_parts(across: UInt8Array) -> list[int]:
@@ -74,7 +78,7 @@ def _equal_parts(across: UInt8Array) -> list[int]:
     return [height]
 
 
-def _unequal_parts(across: UInt8Array) -> list[int]:
+def _joined_heights(across: UInt8Array) -> list[int]:
     """Return the number of rows of each of the pictures that meet anywhere in an image
     (H, W, 3).
     """

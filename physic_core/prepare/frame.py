@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from physic_core.geometry.colors import lab_from_srgb
 from physic_core.prepare.border import find_border, largest_channel
-from physic_core.prepare.count_pictures import count_pictures
+from physic_core.prepare.count_pictures import count_joined_pictures, count_pictures
 
 if TYPE_CHECKING:
     from physic_core.prepare.border import Inside
@@ -122,7 +122,11 @@ def find_frame(image: UInt8Array) -> Frame:
     parted = count_pictures(image if border is None else image[border])
     if parted > 1:
         return Frame(border, "" if border is None else _BORDER, _several_warning(parted))
-    return _remove_frames(image, border)
+    frame = _remove_frames(image, border)
+    if frame.inside is border and not frame.warning:
+        joined = count_joined_pictures(image if border is None else image[border])
+        return replace(frame, warning=_several_warning(joined) if joined > 1 else "")
+    return frame
 
 
 def _remove_frames(image: UInt8Array, inside: Inside | None) -> Frame:
