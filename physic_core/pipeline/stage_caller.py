@@ -209,7 +209,7 @@ class StageCaller:
             doubts += doubts_of_repetition(interface, *last, request.image, result)
         if called and last is None and "stochastic" not in capabilities:
             with wrap_plugin_errors(resolved.title, resolved, self.warn), network_results_in(None):
-                again = call(resolved.backend, copy.deepcopy(request))
+                again = canonicalize(call(resolved.backend, copy.deepcopy(request)))
             if differs := describe_difference(result, again):
                 doubts.append(f"two calls give different answers ({differs}): is dropout on?")
         self.warn(*(f"{resolved.title}: {doubt}" for doubt in doubts))

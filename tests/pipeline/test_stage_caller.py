@@ -188,6 +188,15 @@ def test_a_fingerprint_that_fails_costs_the_cache_alone(run):
     assert warning.startswith("metric_depth 'a' (my-dist 1.0)")
 
 
+def test_a_number_of_numpy_is_no_difference_of_two_calls(run, monkeypatch):
+    monkeypatch.setattr("physic_core.pipeline.stage_caller.has_passed_kit", lambda *_: False)
+    backend = Counting()
+    backend.answer = DepthMap(np.ones(SHAPE, np.float32), scale_sigma=np.float32(0.1))
+    stages = run()
+    ask(stages, backend)
+    assert stages.warnings == []
+
+
 def test_failures_and_wrong_answers_are_not_kept(run):
     wrong = Counting()
     wrong.answer = DepthMap(np.ones((8, 6)))

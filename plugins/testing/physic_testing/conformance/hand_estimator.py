@@ -40,6 +40,8 @@ _MIRRORING = (
     "vectors to (x, -y, -z)."
 )
 _REST = "Is it a hand at rest for every photo?"
+_MEAN = "Is the mean pose of the model added? Rotations are relative to the flat hand."
+_BENT_RAD = np.multiply.outer([-0.1, 0.1], [[0, 0, 1]])  # (2, 1, 3); 5.7 degrees
 _NAMES = [
     f"{finger}{joint}"
     for finger in ("index", "middle", "pinky", "ring", "thumb")
@@ -87,6 +89,7 @@ _READINGS = (
     _mirrored(1, "right"),
     *FORMS,
     KnownMistake("flat in every photo", times(0), _REST, limit=0.75),
+    KnownMistake("bent more", lambda fingers, _: fingers + _BENT_RAD, _MEAN, 5.7, " degrees", 10),
 )
 
 TABLE = Table(
