@@ -167,22 +167,22 @@ class ImageSource:
     """An encoded image.
 
     Attributes:
-        name: for error messages, after ``what``.
+        name: for error messages, after ``role``.
         content: of the file; None if it is read from ``path``.
         path: of the file; None if ``content`` is given.
-        what: the image is, for error messages.
+        role: the image is, for error messages.
         formats: to give, for error messages.
     """
 
     name: str
     content: bytes | None = field(default=None, repr=False)
     path: Path | None = None
-    what: str = "photo"
+    role: str = "photo"
     formats: str = "a JPEG, PNG, WebP, AVIF or TIFF"
 
     def __str__(self) -> str:
         # Line ends and escape sequences in a file name would change the message.
-        return f"{self.what} {printable(self.name, kept='')}"
+        return f"{self.role} {printable(self.name, kept='')}"
 
     @property
     def suffix(self) -> str:
@@ -278,11 +278,11 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
         if _is_raw(start) or (kind in (None, "TIFF") and source.suffix in _RAW_SUFFIXES):
             raise source.raw_error()
         if kind is None:
-            what = _unsupported_format(start)
+            role = _unsupported_format(start)
             raise InputError(
-                f"cannot read the {source}: it is not an image of a kind that is read, but {what}: "
+                f"cannot read the {source}: it is not an image of a kind that is read, but {role}: "
                 f"unpack it, or save a picture of it as {source.formats}"
-                if what
+                if role
                 else f"cannot read the {source}: it is not an image, or of an unknown kind; give "
                 f"{source.formats}"
             )

@@ -90,25 +90,25 @@ class Comparison(NamedTuple):
 
     Attributes:
         error: of the map as it is stated, 0 to 1.
-        other: error of the best other reading, if that explains the photo; otherwise ``error``.
-        what: that reading, such as "mirrored".
+        best_error: of the best other reading, if that explains the photo; otherwise ``error``.
+        best_reading: that reading, such as "mirrored".
         advice: what to do about it.
     """
 
     error: float
-    other: float
-    what: str = ""
+    best_error: float
+    best_reading: str = ""
     advice: str = ""
 
     @property
     def ratio(self) -> float:
         """Error of the other reading over that of the stated one."""
-        return self.other / max(self.error, _LEAST)
+        return self.best_error / max(self.error, _LEAST)
 
     def __str__(self) -> str:
         return (
-            f"it fits the photo better as {self.what} ({self.error:.0%} of what a network sees is "
-            f"left unexplained, and {self.other:.0%} then): {self.advice}"
+            f"it fits the photo better as {self.best_reading} ({self.error:.0%} of what a network "
+            f"sees is left unexplained, and {self.best_error:.0%} then): {self.advice}"
         )
 
 

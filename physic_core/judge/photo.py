@@ -240,7 +240,7 @@ def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
     comparison = estimates.depth_comparison or compare_depth(
         estimates.depth.depth, (photo.scene_map,), result.intrinsics
     )
-    if not comparison.what:
+    if not comparison.best_reading:
         return None
     source = "that you gave" if estimates.depth_comparison else f"of {estimates.depth_backend}"
     return comparison.ratio, f"the depth {source} was used, but {comparison}"

@@ -102,13 +102,13 @@ class _Line(NamedTuple):
     Attributes:
         point: (2,) px.
         direction: (2,) of length 1.
-        seen: share of the side on which the outline lies on the line; 0 along the edge.
+        seen_share: share of the side on which the outline lies on the line; 0 along the edge.
         at_edge: True along the edge of the photo, where nothing shows it.
     """
 
     point: FloatArray
     direction: FloatArray
-    seen: float
+    seen_share: float
     at_edge: bool = False
 
 
@@ -366,7 +366,7 @@ def _inner_picture_from_corners(
         if (side := _line_at_side(corner, end, points, size)) is not None
     ]
     inner = [side for side in sides if not side.at_edge]
-    broken = sum(side.seen < _SEEN for side in inner)
+    broken = sum(side.seen_share < _SEEN for side in inner)
     if len(sides) < 4 or not inner or broken > (len(inner) == 4):
         return None
     normals = np.array([[y, -x] for x, y in (side.direction for side in sides)])

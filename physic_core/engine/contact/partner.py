@@ -166,7 +166,7 @@ def _partners_in_photo(
     """
     picture = photo_touch.picture
     assert picture is not None
-    unmeasured = unmeasured & picture.shown
+    unmeasured = unmeasured & picture.on_visible_limb
     for number, part in enumerate(regions.names):
         part_vertices = unmeasured & (regions.region == number)
         for person in part_vertices.any(1).nonzero()[:, 0].tolist():

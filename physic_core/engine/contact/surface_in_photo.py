@@ -42,12 +42,12 @@ class PeopleInPhoto:
     Attributes:
         photo: of the people.
         points: (N, V, 2) px of the vertices.
-        shown: (N, V) bool, vertices on limbs that the photo shows.
+        on_visible_limb: (N, V) bool, vertices on limbs that the photo shows.
     """
 
     photo: PhotoContent
     points: Tensor
-    shown: Tensor
+    on_visible_limb: Tensor
 
     @classmethod
     def of(cls, photo: PhotoContent, state: State) -> PeopleInPhoto:

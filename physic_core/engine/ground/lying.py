@@ -174,10 +174,10 @@ def _lying_nats(rays: Tensor, inverse: Tensor, person: Background, plane: Tensor
     on = ((on_plane / near - 1).abs() < _TOLERANCE) & (near > 0)
     ends = [on[person.along < _UPPER], on[person.along > _LOWER]]
     share = min(float(end.double().mean()) if len(end) else 0.0 for end in ends)
-    behind = person.body_rays @ plane
-    if not (behind > 0).all():
+    plane_depth = person.body_rays @ plane
+    if not (plane_depth > 0).all():
         return -_MOST_NATS
-    gap = min(float((behind * person.body_depth).log().abs().max()), _FAR_OFF)
+    gap = min(float((plane_depth * person.body_depth).log().abs().max()), _FAR_OFF)
     lying = (1 - _GAP_WRONG) * math.sqrt(2 / math.pi) / _GAP_LYING
     lying = lying * math.exp(-0.5 * (gap / _GAP_LYING) ** 2) + _GAP_WRONG
     nats = math.log(lying * _GAP_STANDING) + gap / _GAP_STANDING

@@ -304,10 +304,10 @@ class _Point:
     of_people: Gradient
 
 
-def _evaluate(energy: EnergyTerms, at: Tensor) -> _Point:
+def _evaluate(energy: EnergyTerms, packed: Tensor) -> _Point:
     """Return the energy and its gradient at a state; the energy is inf if either is not finite."""
     variables = energy.variables
-    variables.load(at)
+    variables.load(packed)
     total = total_energy(energy())
     wanted = [*variables.parameters(), variables.scale_shares]
     gradients = torch.autograd.grad(total, wanted, allow_unused=True)
@@ -318,7 +318,7 @@ def _evaluate(energy: EnergyTerms, at: Tensor) -> _Point:
     if scale is not None:
         scale = flat[-1] + (scale - flat[-1].sum()) / len(people)
     finite = math.isfinite(value) and math.isfinite(checksum)
-    return _Point(at, value if finite else math.inf, gradient, (people, scale))
+    return _Point(packed, value if finite else math.inf, gradient, (people, scale))
 
 
 _MIN_SLOPE = 1e-9  # share of the energy; a smaller slope is below the resolution of float32
@@ -332,10 +332,10 @@ def _lbfgs_block(
     variables = energy.variables
     evaluations = 0
 
-    def evaluate(at: Tensor) -> _Point:
+    def evaluate(packed: Tensor) -> _Point:
         nonlocal evaluations
         evaluations += 1
-        return _evaluate(energy, at)
+        return _evaluate(energy, packed)
 
     point = evaluate(variables.pack())
     values = [point.value]
@@ -403,7 +403,7 @@ class _Pair(NamedTuple):
     """(B,) of the scale, for each group."""
     scale_change: Tensor
     """(B,)."""
-    kept: Tensor
+    is_usable: Tensor
     """(B,) bool, by group."""
 
 

@@ -243,7 +243,7 @@ def _located_sizes(
     """Find the scene points and people at the pixels of known lengths."""
     used = {}
     for i, length in enumerate(known.lengths):
-        start, end = (_end_at(pixel, masks, scene) for pixel in (length.start, length.end))
+        start, end = (_locate_end(pixel, masks, scene) for pixel in (length.start, length.end))
         if start is not None and end is not None:
             used[i] = start, end
     lengths = [known.lengths[i] for i in used]
@@ -265,7 +265,7 @@ def _located_sizes(
     )
 
 
-def _end_at(
+def _locate_end(
     pixel: Sequence[float], masks: Tensor, scene: SceneState
 ) -> tuple[int, list[float]] | None:
     """Return the person at a pixel and NaN (3,), or ``_ON_SCENE`` and the point (3,) of the scene;

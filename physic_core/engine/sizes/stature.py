@@ -292,15 +292,15 @@ def resize_bodies(
     betas: Tensor,
     transl: Tensor,
     stature: Tensor,
-    near: Tensor | None = None,
+    near_betas: Tensor | None = None,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Return betas (B, K) and transl (B, 3) of bodies with other statures (B,) and the factor (B,)
     on their size.
 
-    The pelvis moves along its ray by this factor. The new betas are the nearest to ``near`` (B, K),
-    or to the old ones.
+    The pelvis moves along its ray by this factor. The new betas are the nearest to ``near_betas``
+    (B, K), or to the old ones.
     """
-    taller = betas_with_stature(model, betas if near is None else near, stature)
+    taller = betas_with_stature(model, betas if near_betas is None else near_betas, stature)
     ratio = model.stature(taller) / model.stature(betas)
     before = model(rotations, betas, transl, joints_only=True).joints[:, 0]
     after = model(rotations, taller, transl, joints_only=True).joints[:, 0]
@@ -308,13 +308,13 @@ def resize_bodies(
 
 
 def bodies_of_stature(
-    bodies: Bodies, model: BodyModel, statures: FloatArray, near: FloatArray | None = None
+    bodies: Bodies, model: BodyModel, statures: FloatArray, near_betas: FloatArray | None = None
 ) -> Bodies:
     """Give N bodies of the configured body model their known statures (N,), and keep their size in
     the image.
 
     A body that becomes larger moves away from the camera by the same factor. Its betas are the
-    nearest to ``near`` (N, K), or to the old ones.
+    nearest to ``near_betas`` (N, K), or to the old ones.
     """
     parameters = bodies.parameters
     chosen = (
@@ -327,7 +327,7 @@ def bodies_of_stature(
     rows = parameters[chosen]
     rotations, betas, transl, _ = (each.double() for each in pose_from_parameters(rows))
     wanted = torch.from_numpy(statures[chosen])
-    start = betas if near is None else torch.from_numpy(near[chosen])
+    start = betas if near_betas is None else torch.from_numpy(near_betas[chosen])
     resized = resize_bodies(model.double, rotations, betas, transl, wanted, start)
     taller, moved, ratio = (each.numpy() for each in resized)
 

@@ -156,7 +156,7 @@ def open_picture(path: Path) -> Iterator[Image]:
     """
     from physic_core.files import ImageSource, open_image, wrap_decoding_errors
 
-    source = ImageSource(str(path), path=path, what="picture")
+    source = ImageSource(str(path), path=path, role="picture")
     try:
         with (
             naming_file_in_errors(path),

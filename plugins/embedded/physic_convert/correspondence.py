@@ -142,17 +142,23 @@ def _register(
         patches: vertices of the model that are fitted.
         normals: (n, 3) of these in the T-pose.
     """
-    for step, reach in enumerate(np.geomspace(*_DISTANCE_SIGMA_M, _ROUNDS)):
+    for step, distance_sigma in enumerate(np.geomspace(*_DISTANCE_SIGMA_M, _ROUNDS)):
         turns = (patches.weights @ fit.world[0].reshape(-1, 9)).reshape(-1, 3, 3)
         facing = (turns @ normals[..., None])[..., 0]
         on = surface.nearest(patches.posed(fit)[0], facing)
         targets = (on.shares[..., None] * surface.corners[on.face]).sum(1)
-        weights = ((on.facing > _MIN_FACING) * np.exp(-0.5 * (on.distance / reach) ** 2))[None]
+        weights = ((on.facing > _MIN_FACING) * np.exp(-0.5 * (on.distance / distance_sigma) ** 2))[
+            None
+        ]
         # At large distances, limbs move before single bones. In later rounds, vertices may slide
         # along the surface.
         glide = surface.normals[on.face][None] if step >= _ROUNDS // 3 else None
         fit = fit_surface(
-            patches, SurfaceTargets(targets[None], weights, glide), 1, fit, stay_m2=reach**2
+            patches,
+            SurfaceTargets(targets[None], weights, glide),
+            1,
+            fit,
+            stay_m2=distance_sigma**2,
         )
     return fit
 

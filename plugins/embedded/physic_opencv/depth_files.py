@@ -51,7 +51,7 @@ def read_phone_depth(path: Path) -> tuple[FloatArray, bool]:
             with its range.
     """
     source = ImageSource(
-        str(path), path=path, what="depth map", formats="a HEIC photo of a phone that stores depth"
+        str(path), path=path, role="depth map", formats="a HEIC photo of a phone that stores depth"
     )
     with open_image(source) as (image, file):
         images = image.info.get("depth_images")
@@ -328,7 +328,7 @@ def _load_arrays(
 
 def _read_picture(path: Path) -> NDArray[np.generic]:
     source = ImageSource(
-        str(path), path=path, what="depth map", formats="a PNG of 16 bits or PFM of one channel"
+        str(path), path=path, role="depth map", formats="a PNG of 16 bits or PFM of one channel"
     )
     with open_image(source) as (image, _):
         decode(image, source)

@@ -31,7 +31,7 @@ def read_jpeg_depth(path: Path) -> tuple[FloatArray, bool]:
     Raises:
         InputError: the file cannot be read, has no depth map, or one that does not state its range.
     """
-    source = ImageSource(str(path), path=path, what="depth map")
+    source = ImageSource(str(path), path=path, role="depth map")
     with open_image(source) as (image, _):
         xmp = _read_xmp(image)
     entries = {name.decode(): value.decode("latin-1") for name, value in _ENTRY.findall(xmp)}
@@ -57,7 +57,7 @@ def read_jpeg_depth(path: Path) -> tuple[FloatArray, bool]:
             f"{entries.get('Near', 'none')}, far {entries.get('Far', 'none')}), so its meters are "
             "not known; convert it to .npy"
         )
-    inner = ImageSource(f"in {path}", content, what="depth map")
+    inner = ImageSource(f"in {path}", content, role="depth map")
     with open_image(inner) as (picture, _):
         decode(picture, inner)
         share = np.asarray(picture.convert("L"), np.float64) / 255

@@ -56,7 +56,7 @@ def _read_folder(path: Path) -> MasksInFile:
 
 def _picture(path: Path) -> AnyArray:
     """Return the labels (H, W) of a picture of one channel or a palette."""
-    source = ImageSource(str(path), path=path, what="mask", formats="a PNG of labels")
+    source = ImageSource(str(path), path=path, role="mask", formats="a PNG of labels")
     with open_image(source) as (image, _):
         decode(image, source)
         if image.mode not in ("1", "L", "P", "I", "I;16"):

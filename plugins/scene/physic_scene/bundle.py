@@ -98,7 +98,7 @@ class MomentObservations:
         points: (V, P, J, 2) px.
         confidence: (V, P, J); 0 where a photo does not show the person or the keypoint.
         landmarks: (V, P, J, 3) metres, camera frames.
-        shown: (V, P) bool, whether a photo shows the person.
+        is_visible: (V, P) bool, whether a photo shows the person.
         size_px: (V, P) stature in px.
         limb: (J,) number of the arm or leg of each keypoint, 0 for trunk and head.
         bones: (B, 2) keypoints at the ends of each bone.
@@ -115,7 +115,7 @@ class MomentObservations:
     points: FloatArray
     confidence: FloatArray
     landmarks: FloatArray
-    shown: BoolArray
+    is_visible: BoolArray
     size_px: FloatArray
     limb: IntArray
     bones: IntArray
@@ -157,7 +157,7 @@ class MomentObservations:
             points=gather("points"),
             confidence=gather("confidence") * shown[..., None],
             landmarks=landmarks,
-            shown=shown,
+            is_visible=shown,
             size_px=gather("size_px"),
             limb=np.array([_limb_number(name) for name in names]),
             bones=bones,
@@ -177,7 +177,7 @@ class Columns:
         focal: (V,) its logarithm of the focal length.
         points: (P, J, 3) points of each person.
         turn: (V, P, 3) turn of each photo's body.
-        place: (V, P, 3) place of each photo's body.
+        position: (V, P, 3) place of each photo's body.
         count: of all.
     """
 
@@ -185,7 +185,7 @@ class Columns:
     focal: IntArray
     points: IntArray
     turn: IntArray
-    place: IntArray
+    position: IntArray
     count: int
 
     @classmethod
@@ -195,10 +195,10 @@ class Columns:
         shapes = ((views, 6), (views,), (people, joints, 3), body, body)
         *ends, count = np.cumsum([np.prod(shape) for shape in shapes]).tolist()
         parts = np.split(np.arange(count), ends)
-        camera, focal, points, turn, place = (
+        camera, focal, points, turn, position = (
             part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)
         )
-        return cls(camera, focal, points, turn, place, count)
+        return cls(camera, focal, points, turn, position, count)
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,7 @@ class Bundle:
         log_focal: (V,) logarithm of the factor on each focal length.
         points: (P, J, 3) metres, reference frame.
         turn: (V, P, 3, 3) correction of the turn of each photo's body, in the frame of its camera.
-        place: (V, P, 3) metres, correction of its place.
+        position: (V, P, 3) metres, correction of its place.
     """
 
     rotation: FloatArray
@@ -219,14 +219,14 @@ class Bundle:
     log_focal: FloatArray
     points: FloatArray
     turn: FloatArray
-    place: FloatArray
+    position: FloatArray
 
     @classmethod
     def start(cls, observations: MomentObservations, poses: Sequence[CameraPose]) -> Bundle:
         """Return a start from poses of the cameras: points are the mean of the photos'
         landmarks.
         """
-        shown = observations.shown
+        shown = observations.is_visible
         common = np.stack(
             [pose.to_common(observations.landmarks[v]) for v, pose in enumerate(poses)]
         )
@@ -237,7 +237,7 @@ class Bundle:
             log_focal=np.zeros(len(poses)),
             points=(weight * common).sum(0) / np.maximum(weight.sum(0), 1e-9),
             turn=np.broadcast_to(np.eye(3), (*shown.shape, 3, 3)),
-            place=np.zeros((*shown.shape, 3)),
+            position=np.zeros((*shown.shape, 3)),
         )
 
     @cached_property
@@ -266,7 +266,7 @@ class Bundle:
             self.log_focal + step[at.focal],
             self.points + step[at.points],
             _rotations(step[at.turn]) @ self.turn,
-            self.place + step[at.place],
+            self.position + step[at.position],
         )
 
 
@@ -407,11 +407,11 @@ def _blocks(
         _focal_block(state, observations.focal_sigma),
         # The place of a body is free; where a photo does not show the person, place and turn are
         # without meaning.
-        _prior_block(state.place.reshape(-1), at.place.reshape(-1), 1e4),
-        _prior_block(np.zeros(state.place.size), at.turn.reshape(-1), 1e4),
+        _prior_block(state.position.reshape(-1), at.position.reshape(-1), 1e4),
+        _prior_block(np.zeros(state.position.size), at.turn.reshape(-1), 1e4),
         *itertools.chain.from_iterable(
             _person_blocks(observations, state, v, p, settings)
-            for v, p in zip(*np.nonzero(observations.shown), strict=True)
+            for v, p in zip(*np.nonzero(observations.is_visible), strict=True)
         ),
         _bone_block(observations, state),
         *_floor_blocks(observations, state),
@@ -481,9 +481,9 @@ def _landmark_block(
     middle = observations.landmarks[v, p].mean(axis=0)
     body = (observations.landmarks[v, p] - middle) @ state.turn[v, p].T
     at = state.columns
-    own = np.broadcast_to(np.concatenate([at.turn[v, p], at.place[v, p]]), (len(local), 6))
+    own = np.broadcast_to(np.concatenate([at.turn[v, p], at.position[v, p]]), (len(local), 6))
     scaled = _along_and_across(middle, *(1 / landmark_m).T)
-    residual = np.einsum("jab,jb->ja", scaled, local - body - middle - state.place[v, p])
+    residual = np.einsum("jab,jb->ja", scaled, local - body - middle - state.position[v, p])
     each = np.broadcast_to(np.eye(3), (len(local), 3, 3))
     jacobian = scaled @ np.concatenate([moves, _cross(body), -each], axis=2)
     return ResidualBlock(

@@ -58,7 +58,7 @@ class ReferenceInput(ShortRepr):
         camera: solved.
         bodies: of all people of the result: those of the photo, then those whom only other photos
             show.
-        shown: (N,) bool, whether the photo shows this body; true for the first ones.
+        is_visible: (N,) bool, whether the photo shows this body; true for the first ones.
         scores: (N,) of the best detection of each person.
         depth: of its scene, at the solved scale.
         views: what the other photos show of these people.
@@ -71,7 +71,7 @@ class ReferenceInput(ShortRepr):
     result: Reconstruction
     camera: Intrinsics
     bodies: Bodies
-    shown: BoolArray
+    is_visible: BoolArray
     scores: FloatArray
     depth: DepthMap
     views: tuple[OtherView, ...]
@@ -107,7 +107,7 @@ class ReferenceInput(ShortRepr):
             result=result,
             camera=camera,
             bodies=Bodies(parameters, model.name, observed),
-            shown=shown,
+            is_visible=shown,
             scores=np.array([max(one.score for one in own) for own in shown_by]),
             depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(photos)} photos",)),
             views=tuple(_other_view(solved, people, w) for w in range(len(photos)) if w != v),
@@ -127,9 +127,9 @@ class ReferenceInput(ShortRepr):
         if np.isfinite(self.statures).any():
             sizes = KnownSizes(stature=tuple(np.nan_to_num(self.statures).tolist()))
             known = replace(known, stature=self.statures)
-        people = expand_people(photo.people, self.shown)
-        scores = np.where(self.shown, people.scores, self.scores).astype(people.scores.dtype)
-        others = self.bodies.parameters[~self.shown]
+        people = expand_people(photo.people, self.is_visible)
+        scores = np.where(self.is_visible, people.scores, self.scores).astype(people.scores.dtype)
+        others = self.bodies.parameters[~self.is_visible]
         bodies = {
             name: np.concatenate([value, getattr(others, name).astype(value.dtype)])
             for name, value in vars(estimates.bodies.parameters).items()
@@ -139,16 +139,16 @@ class ReferenceInput(ShortRepr):
             photo=replace(
                 photo,
                 people=replace(people, scores=scores),
-                keypoints=expand_people(photo.keypoints, self.shown),
-                observations=photo.observations.expanded(self.shown),
+                keypoints=expand_people(photo.keypoints, self.is_visible),
+                observations=photo.observations.expanded(self.is_visible),
                 known=known,
             ),
             bodies=replace(
                 estimates.bodies, parameters=BodyParameters(**bodies), observed=self.bodies.observed
             ),
-            contact=expand_people(estimates.contact, self.shown),
+            contact=expand_people(estimates.contact, self.is_visible),
             missing_results=(*estimates.missing_results, *[()] * len(others)),
-            ground=estimates.ground.expanded(self.shown),
+            ground=estimates.ground.expanded(self.is_visible),
             known=sizes,
             views=self.views,
         )

@@ -207,7 +207,7 @@ def _scale_by_sizes(observations: MomentObservations, bundle: Bundle) -> tuple[f
     if observations.camera_is_known.any():
         return 1.0, 0.0
     size = np.log(_rms_size(observations.landmarks))
-    log_size = np.nanmean(np.where(observations.shown, size, np.nan), axis=0)
+    log_size = np.nanmean(np.where(observations.is_visible, size, np.nan), axis=0)
     factor = np.exp(log_size) / _rms_size(bundle.points)
     known = np.isfinite(observations.bone_sigma)
     unknown = np.full(len(log_size), np.nan)
@@ -233,8 +233,8 @@ def keypoint_errors(observations: MomentObservations, bundle: Bundle) -> FloatAr
     """Return the median distances (V, P) of solved keypoints from the photos', as a share of the
     stature in px.
     """
-    errors = np.full(observations.shown.shape, np.nan)
-    for v, p in zip(*np.nonzero(observations.shown), strict=True):
+    errors = np.full(observations.is_visible.shape, np.nan)
+    for v, p in zip(*np.nonzero(observations.is_visible), strict=True):
         local = bundle.pose(v).to_camera(bundle.points[p])
         uv, _, _ = project(local, observations.K[v], bundle.log_focal[v])
         away = np.linalg.norm(uv - observations.points[v, p], axis=1) / observations.size_px[v, p]

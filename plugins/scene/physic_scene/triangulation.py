@@ -64,7 +64,7 @@ def sizes_by_cameras(observations: MomentObservations, poses: Sequence[CameraPos
         InputError: the poses are not in metres, by the sizes of the people.
     """
     known_cameras = np.flatnonzero(observations.camera_is_known)
-    factor = np.full(observations.shown.shape[1], np.nan)
+    factor = np.full(observations.is_visible.shape[1], np.nan)
     for p in range(len(factor)):
         confidence = observations.confidence[known_cameras, p]
         weight = np.where(

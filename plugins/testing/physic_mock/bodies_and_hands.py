@@ -282,7 +282,7 @@ def _depth_flip(bone: FloatArray, sight: FloatArray) -> Rotation:
     return Rotation.from_rotvec(-2 * np.arcsin(np.clip(along, -1, 1)) * axis / length)
 
 
-def _camera_rotations(local: FloatArray) -> list[Rotation]:
+def _camera_rotations(local_rotations: FloatArray) -> list[Rotation]:
     """Convert rotation vectors (22, 3) relative to the parents to bone rotations in the camera
     frame.
     """
@@ -290,7 +290,7 @@ def _camera_rotations(local: FloatArray) -> list[Rotation]:
 
     turns: list[Rotation] = []
     for j in range(_BONES):
-        turn = Rotation.from_rotvec(local[j])
+        turn = Rotation.from_rotvec(local_rotations[j])
         turns.append(turn if j == 0 else turns[PARENTS[j]] * turn)
     return turns
 

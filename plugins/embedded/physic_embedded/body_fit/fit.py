@@ -75,7 +75,7 @@ def fit_bodies(
     *,
     floor: FloorConstraint | None = None,
     starts: int = 1,
-    earlier: tuple[FittedBodies, BoolArray] | None = None,
+    earlier_fits: tuple[FittedBodies, BoolArray] | None = None,
     continues: bool = False,
 ) -> FittedBodies:
     """Fit the body model to the keypoints and landmarks of N people, and return the best fit of
@@ -88,14 +88,14 @@ def fit_bodies(
         floor: constraint of the floor; None without a floor.
         starts: initial poses of each person. N is the number of people times this, one start of all
             people after the other.
-        earlier: an earlier fit of N people from one start, and for whom (N,) anything has changed
-            since. The others are not fitted again.
+        earlier_fits: an earlier fit of N people from one start, and for whom (N,) anything has
+            changed since. The others are not fitted again.
         continues: whether the initial poses are those of the earlier fit, which is near to this
             one.
     """
     problem = fit_problem(model, observations, start, floor)
-    if earlier is not None:
-        fit, changed = earlier
+    if earlier_fits is not None:
+        fit, changed = earlier_fits
         rows = torch.from_numpy(np.flatnonzero(changed))
         part = problem.select(rows)
         solution = fit.unknowns.clone()
@@ -127,7 +127,7 @@ def lifted_limbs(
     fit: FittedBodies,
     observations: BodyObservations,
     up: FloatArray | None,
-    cut: BoolArray,
+    legs_hidden: BoolArray,
 ) -> LiftedLimbs:
     """Ask the lifter for the limbs of N fitted bodies, camera frame.
 
@@ -135,7 +135,7 @@ def lifted_limbs(
         fit: the bodies.
         observations: the keypoints that they were fitted to.
         up: (3,) unit vector, None where unknown.
-        cut: (N,) people whose legs are hidden: nothing is told of their knees and ankles.
+        legs_hidden: (N,) people whose legs are hidden: nothing is told of their knees and ankles.
     """
     index = keypoint_indices(observations.skeleton)
     columns = [index[name] for name in LIMBS]
@@ -159,7 +159,7 @@ def lifted_limbs(
     weight = np.ones(predicted.shape[:2])
     for row, name in enumerate(LIMBS):
         if name.endswith(("knee", "ankle")):
-            weight[cut, row] = 0
+            weight[legs_hidden, row] = 0
         elif observations.spread is not None and name.endswith(("elbow", "wrist")):
             turned = observations.spread[:, columns[row]] / _STEADY_M
             weight[:, row] = np.minimum(1 + turned**2, _MOST_OF_ARM)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def lean_towards_camera(
-    joints: FloatArray, turn: FloatArray, up: FloatArray, cut: BoolArray
+    joints: FloatArray, turn: FloatArray, up: FloatArray, legs_hidden: BoolArray
 ) -> FloatArray:
     """Return the signed angle from the vertical to the line from ankles to neck, or from hips to
     neck of people without visible legs, in the side view of each person.
@@ -28,13 +28,13 @@ def lean_towards_camera(
         turn: (N, 3, 3) from the axes of a camera that looks straight at the person to this
             camera's.
         up: (3,) camera frame.
-        cut: (N,) people without visible legs.
+        legs_hidden: (N,) people without visible legs.
 
     Returns:
         (N,) radians; positive leans towards the camera.
     """
     hips, ankles = (joints[:, joint_pair(name)].mean(1) for name in ("hip", "ankle"))
-    foot = np.where(cut[:, None], hips, ankles)
+    foot = np.where(legs_hidden[:, None], hips, ankles)
     column = np.einsum("nij,ni->nj", turn, joints[:, JOINT_INDEX["neck"]] - foot)
     seen_up = np.einsum("nij,i->nj", turn, up)
     lean = np.arctan2(column[:, 2], -column[:, 1]) - np.arctan2(seen_up[:, 2], -seen_up[:, 1])

@@ -110,7 +110,7 @@ def fit_people(
         person_observations,
         up,
     )
-    cut = has_hidden_legs(observations, skeleton)
+    legs_hidden = has_hidden_legs(observations, skeleton)
     with torch.enable_grad(), limited_threads():
         fit = _fit_keypoints(model, observations)
         fit, upright = _refit_upright(
@@ -120,15 +120,17 @@ def fit_people(
         pairs = outline_pairs(model, fit, observations, people, hints.original)
         lifted = None
         if observations.world is not None and keypoints.depth_sigma is None:
-            lifted = lifted_limbs(fit, observations, known, cut)
-        fit = fit_outlines(model, fit, without_legs(model, pairs, cut), lifted)
+            lifted = lifted_limbs(fit, observations, known, legs_hidden)
+        fit = fit_outlines(model, fit, without_legs(model, pairs, legs_hidden), lifted)
         rotation_sigma = _rotation_sigma(fit, observations, upright)
     return Bodies(
         parameters_from_rotations(fit.rotations, fit.betas, None, fit.transl),
         "embedded",
         observed,
         rotation_sigma=rotation_sigma,
-        lean_sigma=np.where(cut & ~(upright > 0), pitch_sigma(person_observations), lean_sigma),
+        lean_sigma=np.where(
+            legs_hidden & ~(upright > 0), pitch_sigma(person_observations), lean_sigma
+        ),
         joint_sigma=None
         if lifted is None
         else joint_sigma(limb_evidence(observations, lifted.distance.numpy())),
@@ -163,14 +165,14 @@ def _fit_keypoints(model: BodyModel, observations: BodyObservations) -> FittedBo
 
 
 def _has_comparable_trunk(
-    keypoints: Keypoints, person_observations: Observations, cut: BoolArray, is_known: bool
+    keypoints: Keypoints, person_observations: Observations, legs_hidden: BoolArray, is_known: bool
 ) -> BoolArray:
     """Return whose trunk (N,) is compared with the vertical, which is known or not: not that of
     people across the picture.
     """
     lies = person_observations.posture[:, POSTURES.index("lie")] > LEAST_PROBABILITY
     across = np.abs(trunk_image_angle_deg(keypoints))
-    return ((cut & ~lies) | is_known) & ~(across > _ACROSS_DEG)
+    return ((legs_hidden & ~lies) | is_known) & ~(across > _ACROSS_DEG)
 
 
 def _refit_upright(
@@ -191,8 +193,8 @@ def _refit_upright(
     The landmarks are turned back by the lean before the fit. Turning the finished body instead
     would not do: its keypoints move, and the next optimisation turns it back.
     """
-    cut = has_hidden_legs(observations, observations.skeleton)
-    trunk = _has_comparable_trunk(keypoints, person_observations, cut, known is not None)
+    legs_hidden = has_hidden_legs(observations, observations.skeleton)
+    trunk = _has_comparable_trunk(keypoints, person_observations, legs_hidden, known is not None)
     if not trunk.any() or observations.depth_sigma is not None:
         return fit, np.zeros(len(trunk))
     up = np.asarray(_UP_OF_LEVEL_CAMERA if known is None else known, np.float64)
@@ -200,12 +202,12 @@ def _refit_upright(
     stands = _has_straight_legs(joints, observations) | _surely_stands(
         keypoints, person_observations
     )
-    upright, turn = _correctable_lean(joints, observations, up, cut, stands & trunk)
+    upright, turn = _correctable_lean(joints, observations, up, legs_hidden, stands & trunk)
     legs = without_posture(legs_by_posture(person_observations), ~trunk)
     posed = legs_of_other_postures(joints, observations, up, legs)
 
     def refit(
-        share: FloatArray, pitch: FloatArray, earlier: Earlier = None, continues: bool = False
+        share: FloatArray, pitch: FloatArray, earlier_fits: Earlier = None, continues: bool = False
     ) -> FittedBodies:
         return fit_bodies(
             model,
@@ -216,7 +218,7 @@ def _refit_upright(
                 _initial_poses_from_fit(fit, observations, turn, upright), joints, posed, up, legs
             ),
             floor=FloorConstraint(up, trunk, share, pitch, legs),
-            earlier=earlier,
+            earlier_fits=earlier_fits,
             continues=continues,
         )
 
@@ -246,13 +248,13 @@ def _correctable_lean(
     joints: FloatArray,
     observations: BodyObservations,
     up: FloatArray,
-    cut: BoolArray,
+    legs_hidden: BoolArray,
     stands: BoolArray,
 ) -> tuple[BoolArray, FloatArray]:
     """Return who of those who stand (N,) does not lean too far to be set upright, and the turn
     (N,), radians, that sets them upright.
     """
-    lean = lean_towards_camera(joints, observations.turn, up, cut)
+    lean = lean_towards_camera(joints, observations.turn, up, legs_hidden)
     upright = stands & (np.abs(lean) < 2 * _MAX_LEAN)
     turn = np.clip(np.where(upright, -lean, 0.0), -_MAX_LEAN, _MAX_LEAN)
     return np.asarray(upright), np.asarray(turn)

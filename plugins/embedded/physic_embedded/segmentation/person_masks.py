@@ -143,14 +143,14 @@ def _drop_stray_pieces(
     import cv2
 
     logits = np.stack([person_logits for person_logits, _ in masks])
-    mine = (logits > 0) & (logits == logits.max(axis=0))
+    is_strongest = (logits > 0) & (logits == logits.max(axis=0))
     for i, (_, points) in enumerate(masks):
         count, pieces, stats, _ = cv2.connectedComponentsWithStats(
-            mine[i].astype(np.uint8), connectivity=8
+            is_strongest[i].astype(np.uint8), connectivity=8
         )
         x, y = _cells(points, embedding)
         held = set(pieces[y, x])
-        least = _SPECK * mine[i].sum()
+        least = _SPECK * is_strongest[i].sum()
         for piece in range(1, count):
             if piece not in held and stats[piece, cv2.CC_STAT_AREA] < least:
                 logits[i][pieces == piece] = -1.0

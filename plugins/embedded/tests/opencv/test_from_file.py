@@ -78,7 +78,7 @@ def test_a_map_of_another_size_is_resized_by_the_nearest_pixel(tmp_path):
     [
         ("d.npy", np.zeros((4, 6)), "no known pixel"),
         ("d.npy", np.ones((4, 6, 3)), "one number per pixel"),
-        ("d.npy", np.ones((4, 9)), "another aspect ratio"),
+        ("d.npy", np.ones((4, 9)), "not the aspect ratio"),
         ("d.tif", np.ones((4, 6)), "ends in none of"),
         ("d.npy", np.arange(24, dtype=np.uint8).reshape(4, 6), "steps of 8% are too coarse"),
     ],
