@@ -36,7 +36,6 @@ STRANGER = 0.35
 
 _TWO_CHANGES = 1.25  # on the error of a reading that differs in two ways
 _LEAST = 1e-9
-_NARROW = SURELY / 1.1  # on that of a buffer: of a narrow range, depth fits it as well
 _BUFFER = 0.8  # least value of a depth buffer; a room with people is farther than 1 m
 
 _Turn = Callable[[Any], Any]
