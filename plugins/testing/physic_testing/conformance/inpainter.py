@@ -135,6 +135,7 @@ TABLE = Table(
             ),
             _fill,
             after=("only_the_mask_is_filled",),
+            rough=60,  # a mean colour has 24
         ),
         Group(
             "fill_is_not_shifted",

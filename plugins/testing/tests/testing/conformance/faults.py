@@ -263,6 +263,10 @@ FAULTS = {
             "only_the_mask_is_filled",
             lambda filled, image, mask: moved(filled, 1, 0) if mask.any() else filled,
         ),
+        "values from 0 to 1": (
+            "fill_has_the_colours_around",
+            lambda filled, _, mask: np.where(mask[..., None], filled // 255, filled),
+        ),
         "an empty mask is an error": (
             "an_empty_mask_changes_nothing",
             raising(
