@@ -256,8 +256,8 @@ def _refine_plane(
             # A prior on the component perpendicular to up, which is the angle between them times
             # the length.
             across = torch.eye(3, dtype=plane.dtype) - torch.outer(up, up).to(plane)
-            angle = float(torch.linalg.vector_norm(plane)) * _UP_SIGMA
-            prior = _UP_SHARE * weight.sum() * (tolerance / angle) ** 2 * across
+            up_sigma = float(torch.linalg.vector_norm(plane)) * _UP_SIGMA
+            prior = _UP_SHARE * weight.sum() * (tolerance / up_sigma) ** 2 * across
         refitted = weighted_plane(samples.rays, samples.inverse, weight, prior)
         if refitted is None or not _is_level(refitted, slope, up):
             break

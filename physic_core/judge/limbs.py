@@ -124,12 +124,12 @@ def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Me
 )
 def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the number of hidden parts of arms and legs (``unseen``); not of people who lie."""
-    who = result.people[person]
-    if not who.has_body:
+    subject = result.people[person]
+    if not subject.has_body:
         return None
     if lies(result, person):
         return None, "this person lies, and one side of the body may hide the other"
-    return float(len(who.unseen))
+    return float(len(subject.unseen))
 
 
 # In sigmas of the joint fit, and beyond as many as it takes for an outlier. Of 1581 limb joints of

@@ -60,13 +60,13 @@ def squeeze_factors(points: FloatArray) -> FloatArray:
     A trunk may look short where it leans, and a leg where it is bent, but seldom all of them.
     """
 
-    def length(first: list[int], second: list[int]) -> FloatArray:
+    def longest_side(first: list[int], second: list[int]) -> FloatArray:
         return np.asarray(np.linalg.norm(points[:, first] - points[:, second], axis=-1).max(axis=1))
 
     middle = {name: points[:, rows].mean(axis=1) for name, rows in MIDDLES.items()}
     face = np.linalg.norm(middle["eyes"] - middle["mouth"], axis=-1)
     trunk = np.linalg.norm(middle["shoulders"] - middle["hips"], axis=-1)
-    leg = np.maximum(length([23, 24], [25, 26]), length([25, 26], [27, 28]))
+    leg = np.maximum(longest_side([23, 24], [25, 26]), longest_side([25, 26], [27, 28]))
     usual = np.maximum(_FACE_OF_TRUNK * trunk, _FACE_OF_LEG * leg)
     return np.asarray(face / np.maximum(usual, 1e-6))
 

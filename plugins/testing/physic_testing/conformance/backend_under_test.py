@@ -162,7 +162,7 @@ class BackendUnderTest:
         with no_network():
             return self.kind(options)
 
-    def new_instance(self, case: Case | None = None) -> Backend:
+    def construct_or_skip(self, case: Case | None = None) -> Backend:
         """Construct a new backend for another check than that of the constructor.
 
         Raises:
@@ -196,7 +196,7 @@ class BackendUnderTest:
         key = case.name if callable(self.options) and case.world is not None else ""
         if key in self._loaded:
             return self._loaded[key]
-        backend = self.new_instance(case)
+        backend = self.construct_or_skip(case)
         elsewhere = "it cannot be loaded: see 'loads_or_reports_what_is_missing'"
         try:
             with no_network():

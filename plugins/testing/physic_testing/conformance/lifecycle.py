@@ -49,10 +49,10 @@ def check_constructs_quickly_and_offline(subject: BackendUnderTest) -> None:
 
 def check_tells_what_is_missing_before_load(subject: BackendUnderTest) -> None:
     """Before `load`, `missing` and `fingerprint` are fast, offline, and the same in each call."""
-    backend = subject.new_instance()
+    backend = subject.construct_or_skip()
     calls: dict[str, Callable[[], Any]] = {
         "missing()": lambda: missing_requirements(backend),
-        "fingerprint()": lambda: subject.new_instance().fingerprint(),
+        "fingerprint()": lambda: subject.construct_or_skip().fingerprint(),
     }
     for name, call in calls.items():
         answers = _timed_calls(subject, name, call)
@@ -69,7 +69,7 @@ def check_loads_or_reports_what_is_missing(subject: BackendUnderTest) -> None:
     """`missing` lists missing files; if it lists none, `load` works or raises a PhysicError."""
     if "needs_cuda" in subject.declared and subject.device == "cpu":
         raise CheckSkipped("needs a GPU: pass device='cuda'")
-    backend = subject.new_instance()
+    backend = subject.construct_or_skip()
     lacking = "; ".join(missing_requirements(backend))
     if not lacking:
         lacking = _try_step(subject, "load()", lambda: backend.load(subject.device))
@@ -86,7 +86,7 @@ def check_may_be_loaded_and_closed_again(subject: BackendUnderTest) -> None:
     `load` and `close` may be repeated, and the output stays the same.
     """
     case = subject.valid_request(FIRST_PHOTO)[0]
-    backend = subject.new_instance(case)
+    backend = subject.construct_or_skip(case)
     outputs: list[Any] = []
     load = partial(backend.load, subject.device)
 
