@@ -155,7 +155,10 @@ class CodeDigester:
         counted = set[bytes]()
         digest = hashlib.blake2b(digest_size=_CODE_BYTES)
         for module in modules:  # which grows
-            code = self._module(module)
+            try:
+                code = self._module(module)
+            except (OSError, ValueError):  # in an archive, or gone
+                code = None
             if code is None:
                 return None
             if code.digest in counted:
@@ -220,26 +223,23 @@ def _read_code(files: list[Path]) -> _Code | None:
     files = [*files]
     counted = set(files)
     is_declared = files[0].parent.name.startswith(_OURS)  # its distribution states requirements
-    try:
-        for count, path in enumerate(files):  # which grows
-            if path.is_dir():  # maybe of photos: too much to read
-                digest.update(f"{path.name} {_folder_stamp(path)};".encode())
-                continue
-            if count >= _MAX_FILES:
-                digest.update(f"{path.name} {file_stamp(path.stat())};".encode())
-                continue
-            is_source = path.suffix == ".py"
-            if is_source and _STARTED < path.stat().st_mtime <= time.time():
-                return None
-            content = path.read_bytes() if is_source else remembered_sha256(path).encode()
-            digest.update(f"{path.name} {len(content)};".encode() + content)
-            if is_source:
-                imported |= _imported(content)
-                named = [] if is_declared else _files_named_in(content, path.parent)
-                files += (new := [one for one in named if one not in counted])
-                counted.update(new)
-    except OSError:
-        return None
+    for count, path in enumerate(files):  # which grows
+        if path.is_dir():  # maybe of photos: too much to read
+            digest.update(os.fsencode(f"{path.name} {_folder_stamp(path)};"))
+            continue
+        if count >= _MAX_FILES:
+            digest.update(os.fsencode(f"{path.name} {file_stamp(path.stat())};"))
+            continue
+        is_source = path.suffix == ".py"
+        if is_source and _STARTED < path.stat().st_mtime <= time.time():
+            return None
+        content = path.read_bytes() if is_source else remembered_sha256(path).encode()
+        digest.update(os.fsencode(f"{path.name} {len(content)};") + content)
+        if is_source:
+            imported |= _imported(content)
+            named = [] if is_declared else _files_named_in(content, path.parent)
+            files += (new := [one for one in named if one not in counted])
+            counted.update(new)
     if len(files) > _MAX_NAMED_FILES:
         return None
     paths: list[Path] = []
@@ -332,7 +332,7 @@ def remembered_sha256(path: Path) -> str:
     with path.open("rb") as file:
         status = os.fstat(file.fileno())
         stamp = f"{status.st_dev} {file_stamp(status)}"
-        name = hashlib.sha256(f"{path.resolve()} {stamp}".encode()).hexdigest()[:32]
+        name = hashlib.sha256(os.fsencode(f"{path.resolve()} {stamp}")).hexdigest()[:32]
         digest = _known.get(name) or _read_sha256(name)
         if digest is None:
             digest = hashlib.file_digest(file, "sha256").hexdigest()

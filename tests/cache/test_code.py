@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import importlib
 import os
+import shutil
 import sys
 import time
+from contextlib import suppress
+from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 
@@ -64,6 +68,21 @@ def test_a_pipe_and_a_link_to_nothing_are_no_code(site):
     os.mkfifo(site / "pack" / "pipe.py")
     (site / "pack" / ".#other.py").symlink_to("user@machine.1234")
     assert CodeDigester().digest(kind) == first
+
+
+def test_a_name_that_is_not_utf8_counts_and_code_that_is_gone_or_in_an_archive_has_no_digest(site):
+    kind = package(site)
+    first = CodeDigester().digest(kind)
+    with suppress(OSError):  # a file system that refuses it
+        Path(os.fsdecode(os.fsencode(site / "pack") + b"/\xff.bin")).touch()
+        assert CodeDigester().digest(kind) not in (first, None)
+    with ZipFile(site / "packed.zip", "w") as archive:
+        archive.writestr("packed.py", SOURCE)
+    sys.path.insert(0, str(site / "packed.zip"))
+    packed = importlib.import_module("packed").Depth
+    sys.path.remove(str(site / "packed.zip"))
+    shutil.rmtree(site / "pack")
+    assert CodeDigester().digest(packed) is CodeDigester().digest(kind) is None
 
 
 @pytest.mark.parametrize(
