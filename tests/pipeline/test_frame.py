@@ -219,23 +219,32 @@ def warnings_of(image):
 
 @pytest.mark.parametrize("turn", [0, 100, 333])
 def test_a_panorama_without_metadata_is_warned_of(turn):
-    half = textured(HEIGHT, HEIGHT)
+    half = picture()[:, :HEIGHT]
     whole = np.roll(np.concatenate([half, half[:, ::-1]], axis=1), turn, axis=1)
     (warning,) = warnings_of(whole)
     assert "panorama" in warning
-    assert not warnings_of(textured(HEIGHT, 2 * HEIGHT))
+    assert not warnings_of(noisy(textured(HEIGHT, 2 * HEIGHT), 6))
 
 
 def test_a_strip_is_wider_than_photos_are():
-    (warning,) = warnings_of(textured(HEIGHT, 3 * HEIGHT))
+    (warning,) = warnings_of(noisy(textured(HEIGHT, 3 * HEIGHT), 6))
     assert "panorama" in warning
-    assert not warnings_of(textured(3 * HEIGHT, HEIGHT))
+    assert not warnings_of(noisy(textured(3 * HEIGHT, HEIGHT), 6))
 
 
 def test_a_photo_that_is_almost_black_is_warned_of():
     """Of a night with lights, too little is black."""
-    night = (textured(HEIGHT, WIDTH) / 10).astype(np.uint8)
+    night = (picture() / 10).astype(np.uint8)
     (warning,) = warnings_of(night)
     assert "dark" in warning
-    night[200:300, 100:400] = textured(100, 300)
+    night[200:300, 100:400] = picture()[200:300, 100:400]
     assert not warnings_of(night)
+
+
+def test_a_blurred_photo_is_warned_of():
+    """One sharp thing in it is enough."""
+    photo = cv2.GaussianBlur(picture(), (0, 0), 9)
+    (warning,) = warnings_of(photo)
+    assert "blurred" in warning
+    photo[200:300, 300:400] = (0, 60, 30)
+    assert not warnings_of(photo)
