@@ -17,7 +17,7 @@ from physic_core.body.joints import joint_pair
 from physic_core.errors import BodyModelError, ConfigError
 from physic_core.interfaces.bodies import valid_body_rows, valid_contact_rows, valid_hand_rows
 from physic_core.interfaces.people import valid_keypoint_rows
-from physic_core.pipeline.doubts import doubt_of_wrists
+from physic_core.pipeline.plausibility import implausible_wrists
 from physic_core.types import BodyParameters
 from physic_core.types.arrays import select_people
 from physic_core.types.observations import LEAST_PROBABILITY
@@ -112,20 +112,20 @@ def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
     return replace(bodies, parameters=replace(p, left_hand_pose=left, right_hand_pose=right))
 
 
-def without_doubtful_wrists(
-    hands: Hands, bodies: Bodies, by: ResolvedBackend, stages: StageCaller
+def without_implausible_wrists(
+    hands: Hands, bodies: Bodies, backend: ResolvedBackend, stages: StageCaller
 ) -> Hands:
     """Return hands without wrists, and with a warning, if these are far from the wrists of the
     bodies and the backend never passed the kit.
     """
-    if hands.wrists is None or stages.has_passed_kit(by):
+    if hands.wrists is None or stages.has_passed_kit(backend):
         return hands
     from physic_core.body.attach_hands import wrist_turns_deg
 
-    doubt = doubt_of_wrists(hands, wrist_turns_deg(bodies.parameters, hands.wrists))
-    if not doubt:
+    warning = implausible_wrists(hands, wrist_turns_deg(bodies.parameters, hands.wrists))
+    if not warning:
         return hands
-    stages.warn(f"{by.title}: {doubt}")
+    stages.warn(f"{backend.title}: {warning}")
     return replace(hands, wrists=None)
 
 
@@ -248,7 +248,7 @@ def expand_contact(
     return replace(contact, probability=expanded), invalid
 
 
-def doubt_of_contact(contact: ContactProbability, bodies: Bodies) -> str:
+def implausible_contact(contact: ContactProbability, bodies: Bodies) -> str:
     """Return what makes contact probabilities of N bodies doubtful; "" if nothing does."""
     likely = contact.probability[valid_contact_rows(contact)]
     most = float((likely >= LEAST_PROBABILITY).mean(1).max(initial=0))

@@ -25,12 +25,12 @@ from physic_core.pipeline.backend_results import (
     discard_invalid_bodies,
     discard_invalid_hands,
     discard_invalid_keypoints,
-    doubt_of_contact,
     expand_contact,
+    implausible_contact,
     is_real_person,
     replace_hands,
     transfer_contact,
-    without_doubtful_wrists,
+    without_implausible_wrists,
 )
 from physic_core.prepare.people import (
     expand_known,
@@ -376,7 +376,7 @@ def add_hands(
     if hands is None:
         return bodies, np.ones(len(people), bool)
     hands, missing = discard_invalid_hands(hands)
-    hands = without_doubtful_wrists(hands, bodies, run.resolved("hands"), run.stages)
+    hands = without_implausible_wrists(hands, bodies, run.resolved("hands"), run.stages)
     return replace_hands(bodies, hands, run.model), missing
 
 
@@ -473,6 +473,6 @@ def estimate_contact(
         contact = transfer_contact(contact, model, prior, run.stages)
     if contact is None:
         return nothing, np.ones(len(has_body), bool)
-    if doubt := doubt_of_contact(contact, bodies):
+    if doubt := implausible_contact(contact, bodies):
         run.stages.warn(f"{prior}: {doubt}")
     return expand_contact(contact, has_body)

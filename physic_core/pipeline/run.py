@@ -463,13 +463,16 @@ def _warn_of_contradictions(
     plan: ResolvedPipeline, estimates: Estimates, result: Reconstruction, stages: StageCaller
 ) -> None:
     """Warn of backends that never passed the kit, and whose answers contradict those of others."""
-    from physic_core.pipeline.doubts import doubt_of_contact_places, doubt_of_distance_from_others
+    from physic_core.pipeline.plausibility import (
+        disagreement_with_other_backends,
+        implausible_contact_places,
+    )
 
     strange = {name: one for name, one in plan.backends.items() if not stages.has_passed_kit(one)}
     prior = strange.get("contact_prior")
-    if prior and (doubt := doubt_of_contact_places(result, estimates.contact.probability)):
+    if prior and (doubt := implausible_contact_places(result, estimates.contact.probability)):
         stages.warn(f"{prior.title}: {doubt}")
-    furthest, doubt = doubt_of_distance_from_others(result, strange)
+    furthest, doubt = disagreement_with_other_backends(result, strange)
     if furthest and not any(strange[furthest].title in text for text in stages.warnings):
         stages.warn(f"{strange[furthest].title}: {doubt}; physic plugins check tries it alone")
     titles = [backend.title for backend in strange.values()]

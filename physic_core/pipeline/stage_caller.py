@@ -33,7 +33,7 @@ from physic_core.errors import BackendError, BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
 from physic_core.interfaces.checks import require_image
 from physic_core.interfaces.comparison import describe_difference
-from physic_core.pipeline.doubts import doubts_of, doubts_of_repetition
+from physic_core.pipeline.plausibility import implausibilities, repetition_warnings
 from physic_core.types import StageRecord
 
 if TYPE_CHECKING:
@@ -199,14 +199,14 @@ class StageCaller:
         if self.has_passed_kit(resolved):
             return True
         interface = resolved.provenance.interface
-        doubts = list(doubts_of(interface, request, result))
+        doubts = list(implausibilities(interface, request, result))
         differs = ""
         capabilities = getattr(resolved.backend, "capabilities", ())
         last = self._loaded.last.get(id(resolved.backend))
         if called:
             self._loaded.last[id(resolved.backend)] = request.image, result
         if called and last is not None and "ignores_image" not in capabilities:
-            doubts += doubts_of_repetition(interface, *last, request.image, result)
+            doubts += repetition_warnings(interface, *last, request.image, result)
         if called and last is None and "stochastic" not in capabilities:
             with wrap_plugin_errors(resolved.title, resolved, self.warn), network_results_in(None):
                 again = canonicalize(call(resolved.backend, copy.deepcopy(request)))

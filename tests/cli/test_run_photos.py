@@ -81,7 +81,7 @@ def constructed(monkeypatch):
         "physic_core.judge.run_checks",
         "physic_core.pipeline.reconstruction.with_checks_and_trust",
         "physic_core.pipeline.reconstruction.describe_repositories",
-        "physic_core.pipeline.doubts.doubt_of_distance_from_others",
+        "physic_core.pipeline.plausibility.disagreement_with_other_backends",
         "physic_core.io.results.person_rows",
         "physic_core.io.result_folder.person_rows",
         "physic_core.io.results.make_pictures",

@@ -52,10 +52,10 @@ _ANSWERS_OF = {
 _EQUAL = "two people have the same values: is the result of one person repeated for all?"
 
 
-def doubts_of(interface: str, request: Any, result: Any) -> Iterator[str]:
+def implausibilities(interface: str, request: Any, result: Any) -> Iterator[str]:
     """Yield what makes one result doubtful, by itself and its request."""
     if interface == "inpainter":
-        yield from _doubts_of_fill(request.image, request.mask, result)
+        yield from _implausible_fill(request.image, request.mask, result)
     elif interface in ("metric_depth", "relative_pointmap"):
         z = result.depth if interface == "metric_depth" else result.points[..., 2][result.valid]
         known = z[np.isfinite(z)]
@@ -77,15 +77,15 @@ def doubts_of(interface: str, request: Any, result: Any) -> Iterator[str]:
         if result.masks[:, [0, 0, -1, -1], [0, -1, 0, -1]].all(1).any():
             yield "the mask of a person covers the four corners of the photo: is it inverted?"
     elif interface == "body_estimator":
-        if _has_equal_rows(result.parameters.body_pose):
+        if _all_rows_equal(result.parameters.body_pose):
             yield _EQUAL
     elif interface in ("keypoint_detector", "contact_prior"):
         is_contact = interface == "contact_prior"
         values = result.probability if is_contact else result.confidence
-        if is_contact and _has_equal_rows(values):
+        if is_contact and _all_rows_equal(values):
             yield _EQUAL
         elif not is_contact:
-            yield from _doubts_of_places(
+            yield from _implausible_points(
                 request.people.boxes, result.points[values > LEAST_PROBABILITY]
             )
         if values.size and np.ptp(values) and is_sigmoid_of_probability(values):
@@ -95,7 +95,7 @@ def doubts_of(interface: str, request: Any, result: Any) -> Iterator[str]:
             )
 
 
-def _doubts_of_places(boxes: FloatArray, points: FloatArray) -> Iterator[str]:
+def _implausible_points(boxes: FloatArray, points: FloatArray) -> Iterator[str]:
     """Yield whether the points (K, 2) that are certain are not where the people are."""
     start, end = boxes[:, None, :2], boxes[:, None, 2:]
     near = np.abs(points - (start + end) / 2) < _BOX * (end - start) / 2
@@ -107,14 +107,14 @@ def _doubts_of_places(boxes: FloatArray, points: FloatArray) -> Iterator[str]:
         )
 
 
-def _has_equal_rows(values: FloatArray) -> bool:
+def _all_rows_equal(values: FloatArray) -> bool:
     """Return whether two people have the same values, which vary."""
     rows = values.reshape(len(values), -1)
     rows = rows[np.ptp(rows, axis=1) > 0]
     return len(np.unique(rows, axis=0)) < len(rows)
 
 
-def doubts_of_repetition(
+def repetition_warnings(
     interface: str, image: UInt8Array, result: Any, next_image: UInt8Array, next_result: Any
 ) -> Iterator[str]:
     """Yield whether a backend gives one result for two photos that cannot have the same."""
@@ -126,7 +126,7 @@ def doubts_of_repetition(
         yield "two photos have the same result: is that of the last photo kept?"
 
 
-def _doubts_of_fill(image: UInt8Array, mask: BoolArray, filled: UInt8Array) -> Iterator[str]:
+def _implausible_fill(image: UInt8Array, mask: BoolArray, filled: UInt8Array) -> Iterator[str]:
     """Yield whether the colours of the fill do not go on where the photo ends."""
     import cv2
 
@@ -140,7 +140,9 @@ def _doubts_of_fill(image: UInt8Array, mask: BoolArray, filled: UInt8Array) -> I
     rings = [(hole > 0) & (eroded == 0), (grown[0] > 0) & ~mask, (grown[1] > 0) & (grown[0] == 0)]
     if not all(ring.any() for ring in rings):
         return
-    inside, beside, beyond = (_along(ring, filled.astype(np.float64), rings[1]) for ring in rings)
+    inside, beside, beyond = (
+        _values_along_ring(ring, filled.astype(np.float64), rings[1]) for ring in rings
+    )
     step, usual = (float(np.median(np.abs(one - beside).max(1))) for one in (inside, beyond))
     if step > max(_LEAST_STEP, _STEP_AT_EDGE * usual):
         exchanged = float(np.median(np.abs(inside[:, ::-1] - beside).max(1)))
@@ -151,7 +153,7 @@ def _doubts_of_fill(image: UInt8Array, mask: BoolArray, filled: UInt8Array) -> I
         )
 
 
-def _along(ring: BoolArray, picture: FloatArray, edge: BoolArray) -> FloatArray:
+def _values_along_ring(ring: BoolArray, picture: FloatArray, edge: BoolArray) -> FloatArray:
     """Return the colours (K, 3) of the pixels of a ring that are nearest to those of an edge."""
     from scipy.ndimage import distance_transform_edt
 
@@ -160,7 +162,7 @@ def _along(ring: BoolArray, picture: FloatArray, edge: BoolArray) -> FloatArray:
     return colours
 
 
-def doubt_of_wrists(hands: Hands, turned_deg: FloatArray) -> str:
+def implausible_wrists(hands: Hands, turned_deg: FloatArray) -> str:
     """Return whether the wrists (N, 2) are so far from those of the bodies that they are none; ""
     if they are not.
     """
@@ -173,7 +175,7 @@ def doubt_of_wrists(hands: Hands, turned_deg: FloatArray) -> str:
     )
 
 
-def doubt_of_distance_from_others(
+def disagreement_with_other_backends(
     result: Reconstruction, interfaces: Collection[str]
 ) -> tuple[str, str]:
     """Return which of these interfaces has the answer that is furthest from those of the others,
@@ -218,7 +220,7 @@ def _distances(result: Reconstruction) -> Iterator[tuple[str, float, str]]:
             )
 
 
-def doubt_of_contact_places(result: Reconstruction, probability: FloatArray) -> str:
+def implausible_contact_places(result: Reconstruction, probability: FloatArray) -> str:
     """Return whether vertices that touch by the contact prior (N, V) are far from everything; "" if
     they are not.
     """
