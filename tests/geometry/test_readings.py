@@ -48,7 +48,7 @@ def test_a_depth_map_with_bars_is_named(rows, columns, where, bars):
         [(right - 79.5) * depth / 150, (down - 59.5) * depth / 150, depth], -1
     ).astype(np.float32)
     seen = Pointmap(points, np.ones(depth.shape, bool), "scale")
-    assert not compare_depth(depth, (seen,), camera).what
+    assert not compare_depth(depth, (seen,), camera).best_reading
     padded = np.full_like(depth, bars)
     height, width = padded[rows, columns].shape
     y = (np.arange(height) + 0.5) * 120 / height
@@ -56,4 +56,4 @@ def test_a_depth_map_with_bars_is_named(rows, columns, where, bars):
     padded[rows, columns] = depth[y.astype(int)][:, x.astype(int)]
     found = compare_depth(padded, (seen,), camera)
     assert found.ratio <= SURELY
-    assert found.what == f"of a picture with bars {where}"
+    assert found.best_reading == f"of a picture with bars {where}"

@@ -307,13 +307,13 @@ def test_a_photo_that_is_replaced_has_the_digest_of_the_pixels_that_were_read(
         saved(np.full((64, 64, 3), v, np.uint8), tmp_path / f"{v}.png") for v in (10, 200)
     )
     expected = file_digest(path)
-    read = photo_module._read
+    read = photo_module._read_pixels
 
     def replace_then_read(*arguments):
         os.replace(other, path)
         return read(*arguments)
 
-    monkeypatch.setattr(photo_module, "_read", replace_then_read)
+    monkeypatch.setattr(photo_module, "_read_pixels", replace_then_read)
     found = read_photo(path)
     assert (found.image.max(), found.digest) == (10, expected)
 

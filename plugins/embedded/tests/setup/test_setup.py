@@ -64,7 +64,7 @@ source = "https://example.org/other.onnx"
 def test_licences_sizes_and_what_was_not_measured_are_said_before_any_step(
     tmp_path, monkeypatch, run, physic
 ):
-    monkeypatch.setattr("physic_setup.commands._run", lambda step: None)
+    monkeypatch.setattr("physic_setup.commands._run_step", lambda step: None)
     for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, str(tmp_path / name))
     done = physic("setup", "open-body", "--folder", str(tmp_path), *run)

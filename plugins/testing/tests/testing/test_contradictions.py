@@ -66,7 +66,10 @@ def box_of(person):
 
 
 PLANTED = {
-    "a failed check that is not listed": (lambda r: failed(r, named=False), "other failed_checks"),
+    "a failed check that is not listed": (
+        lambda r: failed(r, named=False),
+        "contradict its checks",
+    ),
     "a failed check that why does not name": (lambda r: failed(r, named=True), "does not name"),
     "failed checks, and none": (lambda r: failed(r, named=True), "says that none fails"),
     "a floor that is not found": (without_floor, "floor that is not found"),
