@@ -69,9 +69,9 @@ class Chromium:
         self._buffer = b""
         self._listeners = {}
 
-    def open(self, url, width=1280, height=800, dark=False, before="", ratio=1):
+    def open(self, url, width=1280, height=800, before=""):
         """Open a page in a tab of this size, px, and wait until it is loaded; ``before`` is a
-        script to run first, ``ratio`` the screen's pixels in one px.
+        script to run first.
         """
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
@@ -82,11 +82,9 @@ class Chromium:
             "Emulation.setDeviceMetricsOverride",
             width=width,
             height=height,
-            deviceScaleFactor=ratio,
+            deviceScaleFactor=1,
             mobile=width < 600,
         )
-        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-        page.call("Emulation.setEmulatedMedia", features=[scheme])
         page.call("Page.addScriptToEvaluateOnNewDocument", source=before)
         page.call("Page.navigate", url=url)
         page.wait("document.readyState === 'complete'")

@@ -33,15 +33,12 @@ class Steps:
         self.last = last
         self.how = how
         self.count = 0
-        self.writes = {}
         self.is_dead = False
 
     def step(self, path, *, is_write=False):
         """Count a step on a path, and fail if it is the last one."""
         if not str(path).startswith(self.folder) or (self.how == "full" and not is_write):
             return
-        if is_write:
-            self.writes.setdefault(str(path), []).append(self.count)
         is_last = self.count == self.last
         self.count += 1
         if is_last or self.is_dead:
@@ -58,15 +55,6 @@ class Steps:
         else:
             number = errno.ENOSPC if self.how == "full" else getattr(errno, self.how)
             raise OSError(number, os.strerror(number))
-
-    def chosen(self):
-        """Return the steps that were counted; of many writes to one file the first, the last, and
-        some between.
-        """
-        middle = {
-            n for writes in self.writes.values() for n in writes[1:-1] if (n - writes[0]) % 31
-        }
-        return [number for number in range(self.count) if number not in middle]
 
     @contextmanager
     def applied(self):

@@ -60,9 +60,7 @@ def holes_in(depth):
 
 
 DEVIATIONS = {
-    "floor everywhere": ("segmenter", filled(floor=True)),
     "floor nowhere": ("segmenter", filled(floor=False)),
-    "all points equal": ("relative_pointmap", filled(points=1.0)),
     "one point known": ("relative_pointmap", lambda r: replace(r, valid=first_pixel(r.valid))),
     "all points on the axis": (
         "relative_pointmap",
@@ -73,10 +71,6 @@ DEVIATIONS = {
         lambda r: replace(r, points=with_one(r.points, 1e30)),
     ),
     "all depths equal": ("metric_depth", filled(depth=3.0)),
-    "one depth known": (
-        "metric_depth",
-        lambda r: replace(r, depth=np.where(first_pixel(r.depth > 0), r.depth, np.nan)),
-    ),
     "infinite and unknown depths": ("metric_depth", lambda r: replace(r, depth=holes_in(r.depth))),
     "depths without an error": ("metric_depth", lambda r: replace(r, scale_sigma=0.0)),
     "keypoints in one place": ("keypoint_detector", filled(points=50.0)),
@@ -84,7 +78,6 @@ DEVIATIONS = {
     "shape of 100": ("body_estimator", posed(betas=100.0)),
     "bodies 10 km away": ("body_estimator", posed(transl=1e4)),
     "bodies behind the camera": ("body_estimator", behind_the_camera),
-    "bodies in the camera": ("body_estimator", posed(transl=0.0)),
     "hands of 1e20 rad": ("hand_estimator", filled(rotvecs=1e20, confidence=1.0)),
     "contact everywhere": ("contact_prior", filled(probability=1.0)),
     "contact of no vertices": (

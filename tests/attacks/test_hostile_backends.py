@@ -68,7 +68,7 @@ def unaligned(values):
 @pytest.mark.parametrize(
     "depth",
     [
-        *(ONES.astype(kind) for kind in ("f2", "f4", "f8", ">f2", ">f4", ">f8")),
+        *(ONES.astype(kind) for kind in ("f2", "f4", ">f8")),
         *(
             np.asfortranarray(ONES),
             ONES[::-1, ::-1],
@@ -89,16 +89,12 @@ def test_an_array_of_floats_is_taken_however_it_lies_in_memory(depth):
     ("depth", "name"),
     [
         (ONES.astype(complex), "complex128"),
-        (ONES.astype(bool), "bool"),
         (ONES.astype(int), "int64"),
         (ONES.astype(object), "object"),
-        (ONES.astype("U3"), "<U3"),
         (np.zeros((6, 8), "f4,f4"), "'f0'"),
         (np.ma.array(ONES), "MaskedArray"),
-        (np.array(1.0), "got ()"),
         (ONES[None], "got (1, 6, 8)"),
         (torch.ones(6, 8), "Tensor"),
-        (ONES.tolist(), "list"),
         pytest.param(
             ONES.astype(np.longdouble),
             np.dtype(np.longdouble).name,

@@ -99,7 +99,6 @@ def partners(
     point=0,
     facing=(0.0, 0.0, 0.0),
     room=None,
-    seen=None,
 ):
     """Return the partner of each vertex of a person in a room, by the kind of what it touches; None
     without contact. Vertex 0 of person 1 is the nearest skin.
@@ -113,7 +112,6 @@ def partners(
         point: of the scene, nearest to the vertices.
         facing: normal of the skin.
         room: parts of the scene.
-        seen: of what the person touches.
     """
 
     def row(values):
@@ -125,7 +123,7 @@ def partners(
     near = Distances(normals, surface, room or parts_of(*ROOM)[1], skin, skin)
     regions = ContactRegions(names, row(part)[0])
     kinds = torch.tensor([touched])
-    table, index = assign_partners(kinds, near, regions, UP, seen or TouchInPhoto())
+    table, index = assign_partners(kinds, near, regions, UP, TouchInPhoto())
     return [table[i] if i != NO_PARTNER else None for i in index[0].tolist()]
 
 

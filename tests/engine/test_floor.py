@@ -158,11 +158,11 @@ def test_points_at_infinity_and_wrong_validity_change_nothing():
     assert not plane.inliers[0].any()
 
 
-def walled(normal, camera_height=1.5, askew_deg=20.0):
+def walled(normal, camera_height=1.5):
     """Depth (H, W) of a floor between two upright walls that stand square to each other, and where
     the floor is.
     """
-    askew = math.radians(askew_deg)
+    askew = math.radians(20.0)
     floor = meet(normal, camera_height)
     ahead = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
     ahead = normalize(ahead - (ahead @ normal) * normal, dim=0)
@@ -209,13 +209,13 @@ def test_a_wall_that_fills_the_photo_is_no_floor_seen_from_above(pitch):
     assert fit_floor(wall, surfaces=True, no_ground=lower).plane is None
 
 
-def two_levels(lower=1.9):
+def two_levels():
     """Depth (H, W) of sand on the right third of the picture, 1.5 m below the camera, and of a
     larger lower level; and the sand.
     """
     normal = up(12)
     sand = area[:, 160:]
-    return torch.where(sand, meet(normal, 1.5), meet(normal, lower)).clamp(max=20), sand
+    return torch.where(sand, meet(normal, 1.5), meet(normal, 1.9)).clamp(max=20), sand
 
 
 def beside(column, stands=0.85, real=1.0):

@@ -108,16 +108,12 @@ def parameters(**values):
             },
         ),
         (KEYPOINTS, {"sigma": np.full((2, 17), 3.0), "depth_sigma": np.full((2, 17), 0.07)}),
-        (KEYPOINTS, {"world_spread": nan_at(np.zeros((2, 17)), 0)}),
-        (POINTMAP, {"points": RAYS}),
         (POINTMAP, {"up": np.array([0.0, -0.8, 0.6]), "up_sigma": 2.0, "up_source": "lines"}),
         (PEOPLE, {"boxes": np.array([[0, 0, 8, 6], [3, 0, 7, 6]], np.float32)}),
         (DEPTH, {"scale_sigma": np.float32(0.1), "notes": ["a"]}),
-        *((BODIES, mesh(MESH.vertices, FACES.astype(kind))) for kind in (np.int64, np.uint32)),
+        (BODIES, mesh(MESH.vertices, FACES.astype(np.uint32))),
         (BODIES, {"joints": None, "mesh": None, "body_model": "embedded"}),
         (BODIES, {"rotation_sigma": nan_at(np.full((2, 22), 0.2), 0)}),
-        (BODIES, {"lean_sigma": np.array([0.03, np.nan])}),
-        (BODIES, {"joint_sigma": nan_at(np.full((2, 55), 0.2), 0)}),
         # not found
         (HANDS, {"rotvecs": nan_at(HANDS.rotvecs), "confidence": np.zeros((2, 2)), "wrists": None}),
         (OBSERVED, {"head": LOOKS, "head_sigma": np.array([8.0, np.nan])}),
@@ -136,7 +132,6 @@ def parameters(**values):
             parameters(transl=nan_at(PARAMETERS.transl, 1)) | {"joints": nan_at(BODIES.joints, 1)},
         ),
         (BODIES, mesh(nan_at(MESH.vertices, 0, 2), FACES)),
-        (HANDS, {"rotvecs": nan_at(HANDS.rotvecs, 0)}),
         (CONTACT, {"probability": nan_at(CONTACT.probability, 1)}),
     ],
 )
@@ -198,13 +193,7 @@ def test_valid_results_have_no_violation(result, changes):
             "unknown must be one of scale, scale_shift, inverse_scale_shift...",
         ),
         (POINTMAP, {"up": UP}, "up_sigma must be degrees, > 0 and < 90, got None"),
-        (POINTMAP, {"up": UP, "up_sigma": -1.0}, "up_sigma must be degrees..."),
         (POINTMAP, {"up": 2 * UP, "up_sigma": 1.0}, "up must be a vector (3,) of length 1..."),
-        (
-            POINTMAP,
-            {"up": nan_at(UP), "up_sigma": 1.0},
-            "up must be a vector (3,) of length 1...",
-        ),
         (
             POINTMAP,
             {"intrinsics": replace(CAMERA, cx=np.nan)},
@@ -255,11 +244,6 @@ def test_valid_results_have_no_violation(result, changes):
         ),
         (
             OBSERVED,
-            {"posture_share": np.ones(9)},
-            "each row of posture, and posture_share, must sum to 1...",
-        ),
-        (
-            OBSERVED,
             {"on_floor": np.array([[np.nan, 0.5]] * 2)},
             "on_floor_share must lie between 0 and 1 where on_floor is given, got [nan nan]",
         ),
@@ -270,7 +254,6 @@ def test_valid_results_have_no_violation(result, changes):
             "each row of head must be a unit vector, or NaN",
         ),
         (CONTACT, {"rest": None}, "topology must be 'embedded' as the bodies', got 'smpl'"),
-        (CONTACT, {"probability": np.zeros((2, 5))}, "probability must be (2, 4), got (2, 5)"),
     ],
 )
 def test_a_violation_says_what_was_expected_and_what_came(result, changes, expected):

@@ -65,10 +65,8 @@ def sparse(path):
     os.truncate(saved(NOISE, path), 400_000_001)
 
 
-WIDE = corners(512, 256)
 HUGE = 2 * (60_000).to_bytes(2, "little")
 STARTS = {
-    "letter.jpg": (b"%PDF-1.7 no image", "not an image"),
     "page.jpg": (b"<!DOCTYPE html>", "page of the web"),
     "new.jxl": (b"\xff\x0a\x00", "JPEG XL"),
     "live.livp": (b"PK\x03\x04\x14", "LIVP"),
@@ -86,11 +84,9 @@ REFUSED = {
     "folder.jpg": (Path.mkdir, "it is a folder"),
     "pipe.jpg": (os.mkfifo, "not a regular file"),
     "empty.jpg": (Path.touch, "empty"),
-    "icon.jpg": (lambda path: saved(corners(), path, format="ICO"), "give a JPEG, PNG"),
     "postscript.jpg": (lambda path: saved(corners(), path, format="EPS"), "give a JPEG, PNG"),
     "sparse.jpg": (sparse, "damaged or truncated"),
     "cut.png": (truncated, "damaged or truncated"),
-    "cut.tiff": (truncated, "damaged or truncated"),
     "tiny.png": (lambda path: saved(corners(8, 8), path), "8 x 8 px"),
     "huge.gif": (
         lambda path: path.write_bytes(b"GIF89a%b\0\0\0,\0\0\0\0%b" % (HUGE, HUGE) + bytes(9)),
@@ -157,7 +153,6 @@ def test_a_pipe_that_takes_the_place_of_a_file_is_refused_without_waiting(tmp_pa
     ("name", "shown"),
     [
         ("a\nb.jpg", r"a\nb.jpg"),
-        ("\x1b[31mred.jpg", r"\x1b[31mred.jpg"),
         ("caf\udce9.jpg", r"caf\udce9.jpg"),
         ("\u202egpj.exe", r"\u202egpj.exe"),
         ("Übung 写真.jpg", "Übung 写真.jpg"),
@@ -180,8 +175,6 @@ JPEG_KINDS = [
     {},
     {"progressive": True},
     {"restart_marker_blocks": 5},
-    {"restart_marker_rows": 1},
-    {"quality": 30},
 ]
 
 
@@ -225,7 +218,6 @@ CONVERTED = {
         f"plain.{suffix}": (Image.fromarray(corners()), corners(), ())
         for suffix in ("png", "webp", "bmp", "tiff", "gif")
     },
-    "wide.png": (Image.fromarray(WIDE), WIDE, ()),
     "palette.png": (
         Image.fromarray(corners()).convert("P", palette=Image.Palette.ADAPTIVE, colors=4),
         corners(),
@@ -244,11 +236,6 @@ CONVERTED = {
         Image.fromarray(np.concatenate([corners(), HIDDEN], -1)),
         np.where(HIDDEN == 0, 128, corners()),
         ("transparent",),
-    ),
-    "gray cutout.png": (
-        Image.fromarray(np.concatenate([GREY[..., None], HIDDEN], -1)),
-        np.where(HIDDEN == 0, 128, GREY[..., None]).repeat(3, -1),
-        ("transparent", "gray"),
     ),
 }
 
@@ -361,7 +348,6 @@ def noise(width, height):
         ((0, 0, 640, 480), 0, ""),
         ((0, 0, 640, 480), 12, ""),
         ((80, 60, 560, 420), 0, "thumbnail shows more"),
-        ((160, 0, 640, 360), 0, "thumbnail shows more"),
     ],
 )
 def test_a_thumbnail_tells_the_whole_photo_from_a_crop(box, bars, word):
@@ -423,16 +409,13 @@ def test_an_image_of_extreme_aspect_is_refused():
     ("camera", "words"),
     [
         (Intrinsics.from_focal(1e7, 200, 100), "focal length is 5e"),
-        (Intrinsics(200.0, 1.0, 99.5, 49.5, 200, 100), "focal length is 0.005"),
-        (Intrinsics(200.0, 200.0, 99.5, -5000.0, 200, 100), "principal point .*-5000"),
         (Intrinsics(200.0, 200.0, 199.6, 49.5, 200, 100), "principal point .199.6"),
         (Intrinsics.from_focal(400.0, 400, 200), "400 x 200 px"),
     ],
 )
-@pytest.mark.parametrize("max_side", [128, 1280])
-def test_a_camera_that_cannot_be_the_photos_is_refused(camera, words, max_side):
+def test_a_camera_that_cannot_be_the_photos_is_refused(camera, words):
     with pytest.raises(ConfigError, match=words):
-        limit_size(Photo(np.zeros((100, 200, 3), np.uint8), camera), max_side)
+        limit_size(Photo(np.zeros((100, 200, 3), np.uint8), camera), 128)
 
 
 @pytest.mark.parametrize(

@@ -115,6 +115,9 @@ def test_a_fault_of_a_manifest_is_named(tmp_path, text, word):
     "path",
     [
         "../x",
+        "a/../../x",
+        "C:/x",
+        "a/",
         "/etc/x",
         "a\\..\\x",
         "",

@@ -128,9 +128,7 @@ def test_an_answer_without_a_surface_or_a_scale_is_refused(backend_of, answer, w
 
 
 @pytest.mark.parametrize("tokens", [1200, 2500, 3600])
-@pytest.mark.parametrize(
-    "size", [(1080, 1920), (2000, 3000), (3024, 4032), (4000, 2250), (1439, 2560), (1501, 1999)]
-)
+@pytest.mark.parametrize("size", [(1080, 1920), (3024, 4032), (4000, 2250), (1501, 1999)])
 def test_the_network_resizes_nothing_of_what_it_gets(size, tokens):
     """By its forward pass it rounds sqrt(tokens / aspect) and sqrt(tokens * aspect) to rows and
     columns of patches.

@@ -351,10 +351,10 @@ def unsure_of(seen, confidence, *names):
     return with_keypoints(seen, confidence=changed)
 
 
-def fit_behind_table(pose, posture, leg_confidence=0.02, lean_deg=0.0):
+def fit_behind_table(pose, posture, lean_deg=0.0):
     """Somebody whose legs are hidden, before a camera without a floor."""
     seen = truth([pose], [(-0.2, 0.75, 1.8)], lean_deg=lean_deg)
-    return fit(unsure_of(seen, leg_confidence, *LEGS), None, posture)
+    return fit(unsure_of(seen, 0.02, *LEGS), None, posture)
 
 
 def thighs_deg(bodies):

@@ -88,10 +88,9 @@ class TestLetterbox:
             [[box.left, box.top], [box.left + box.inner[1], box.top + box.inner[0]]],
             atol=1e-9,
         )
-        whole = np.array(
-            [box.left, box.top, box.left + box.inner[1], box.top + box.inner[0]], float
+        np.testing.assert_allclose(
+            box.edges_to_photo(outer.ravel()), [0, 0, columns, rows], atol=1e-9
         )
-        np.testing.assert_allclose(box.edges_to_photo(whole), [0, 0, columns, rows], atol=1e-9)
 
 
 IMAGE = np.arange(60 * 80 * 3, dtype=np.uint32).reshape(60, 80, 3).astype(np.uint8)

@@ -62,12 +62,9 @@ def test_depth_lies_where_the_windows_put_it(tmp_path, first, display):
     window = {"dataWindow": (first, (x + 3, y + 2)), "displayWindow": display}
     depth, *_ = read_depth(written(tmp_path / "d.exr", {"Z": values}, **window), 1.0, None)
     (left, top), (right, bottom) = display
-    known = {(y + j, x + i): values[j, i] for j in range(3) for i in range(4)}
-    want = [
-        [known.get((row, column), np.nan) for column in range(left, right + 1)]
-        for row in range(top, bottom + 1)
-    ]
-    np.testing.assert_array_equal(depth, np.array(want, np.float32))
+    plane = np.full((40, 40), np.nan, np.float32)  # from the pixel (-1, -1)
+    plane[y + 1 : y + 4, x + 1 : x + 5] = values
+    np.testing.assert_array_equal(depth, plane[top + 1 : bottom + 2, left + 1 : right + 2])
 
 
 def test_a_data_window_beside_the_picture_is_refused(tmp_path):

@@ -150,11 +150,9 @@ def test_visibility_is_computed_once_at_the_placement_by_keypoints(published):
 @pytest.mark.parametrize("state", ["s3_start", "probe"])
 def test_limbs_are_seen_by_the_published_share(published, state):
     model = published.state().model
-    names = [model.part_names[p] for p in limb_part_indices(model.part_names)]
     parts = sorted(
         limb_part_indices(model.part_names), key=lambda p: model.part_names[p].startswith("right")
     )
-    assert {model.part_names[p] for p in parts} == set(names)
     pytest.importorskip("embreex", reason="the published shares depend on the rounding of Embree")
     vertices = published[f"one/out/{state}/vertices"][0]
     shares = part_shares_without_self_occlusion(vertices, model.faces, model.part_of_vertex, parts)
@@ -175,7 +173,6 @@ def test_each_keypoint_pulls_alike_in_every_joint_set(published):
         of_body = torch.tensor([column < 23 for column in columns])
         state = replace(state, keypoint_confidence=state.keypoint_confidence * of_body)
         values.append(float(JointEnergy(state, RELEASE.joint)()["reprojection"].detach()))
-    assert len(values) == 3
     assert values == pytest.approx([values[0]] * 3, rel=1e-5)
     state = published.state()
     points = torch.full((1, 33, 2), 300.0)

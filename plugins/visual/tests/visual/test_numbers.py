@@ -10,9 +10,9 @@ SIZE = (200, 100)
 DISC_PX = 22
 
 
-def centers(places, taken=()):
+def centers(places):
     page = Image.new("RGB", SIZE)
-    draw_numbers(ImageDraw.Draw(page), (0, 0), places, SIZE, taken)
+    draw_numbers(ImageDraw.Draw(page), (0, 0), places, SIZE, ())
     pixels = np.asarray(page)
     center_of = {}
     for index in places:
