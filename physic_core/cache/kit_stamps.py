@@ -10,6 +10,7 @@ from __future__ import annotations
 import glob
 import hashlib
 import json
+import re
 import sys
 from contextlib import suppress
 from importlib.util import find_spec
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from physic_core.cache.digests import CodeDigester, files_named_by
 from physic_core.cache.folders import CACHES, claimed_cache, plain_name
-from physic_core.discovery.catalog import BACKENDS
+from physic_core.discovery.catalog import PACKAGES
 from physic_core.discovery.entry_points import distributions_of, required_versions
 from physic_core.discovery.local_modules import split_folder
 
@@ -28,22 +29,18 @@ if TYPE_CHECKING:
 _SUFFIX = CACHES["kit"][1]
 
 
-def has_passed_kit(
-    interface: str, name: str, distribution: str, target: str, backend: Backend | None = None
-) -> bool:
+def has_passed_kit(interface: str, target: str, backend: Backend | None = None) -> bool:
     """Return whether a backend ships with the project, or has a stamp.
 
     Args:
         interface: of the backend.
-        name: of the backend.
-        distribution: that offers it.
         target: "package.module:Class", which is not imported.
         backend: need not be loaded; None for any options.
 
     Raises:
         Exception: raised by the backend's ``fingerprint``.
     """
-    if BACKENDS.get(name) == distribution:
+    if re.split("[.:]", target, maxsplit=1)[0] in PACKAGES:
         return True
     place = _stamp_place(interface, target)
     if place is None:

@@ -73,7 +73,7 @@ def _offer_state(offer: Offer) -> str:
     needs += dict.fromkeys(text for one in sets for text in one.needs.split(", ") if text)
     if needs:
         return f"needs {', '.join(needs)}"
-    passed = has_passed_kit(offer.interface, offer.name, offer.distribution, offer.target)
+    passed = has_passed_kit(offer.interface, offer.target)
     return "ready" if passed else f"ready; never passed `physic plugins check {offer.name}` here"
 
 

@@ -23,6 +23,9 @@ def _owners(table: str) -> dict[str, str]:
 BACKENDS = _owners("backends")
 """Distribution of each known backend."""
 
+PACKAGES = _owners("packages")
+"""Distribution of each top-level package of the project that has backends."""
+
 COMMANDS = _owners("commands")
 """Distribution of each known plugin command of ``physic``."""
 

@@ -280,10 +280,8 @@ class LoadedBackends:
         """Return whether a backend ships with the project, or has passed the conformance kit."""
         key = id(resolved.backend)
         if key not in self._vouched:
-            who = resolved.provenance
-            target = target_of(type(resolved.backend))
             self._vouched[key] = has_passed_kit(
-                who.interface, who.backend, who.distribution, target, resolved.backend
+                resolved.provenance.interface, target_of(type(resolved.backend)), resolved.backend
             )
         return self._vouched[key]
 

@@ -284,7 +284,7 @@ def test_a_backend_has_passed_kit_until_what_its_results_depend_on_changes(site,
     write(site / "pack" / "__init__.py", OPTIONS)
     importlib.invalidate_caches()
     kind = importlib.import_module("pack").Depth
-    asked = "metric_depth", "mine", "physic-mine", target_of(kind)
+    asked = "metric_depth", target_of(kind)
 
     def backend(**options):
         places = {"file": str(named), "folder": "weights"}

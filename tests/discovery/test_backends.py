@@ -4,13 +4,14 @@ imported.
 
 from __future__ import annotations
 
+import re
 import sys
 
 import pytest
 
 from physic_core import find_backend, list_backends
 from physic_core.discovery.backends import find_by_name, load_class
-from physic_core.discovery.catalog import BACKENDS
+from physic_core.discovery.catalog import BACKENDS, PACKAGES
 from physic_core.errors import (
     AmbiguousBackendError,
     BackendError,
@@ -56,6 +57,10 @@ def test_an_offer_names_its_distribution_and_version(site):
 def test_the_catalog_says_what_the_plugins_of_the_project_offer():
     offered = {offer.name: offer.distribution for offer in list_backends()}
     assert {name: owner for name, owner in BACKENDS.items() if owner in offered.values()} == offered
+    packages = {
+        re.split("[.:]", one.target, maxsplit=1)[0]: one.distribution for one in list_backends()
+    }
+    assert packages.items() <= PACKAGES.items()
 
 
 # ---- a backend that is slow or broken costs only whoever uses it
@@ -63,6 +68,7 @@ def test_the_catalog_says_what_the_plugins_of_the_project_offer():
 
 
 PRINT_IMPORTED = """
+import re
 import sys
 from physic_core.cli import main
 try:

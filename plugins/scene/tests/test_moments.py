@@ -69,6 +69,7 @@ def camera_errors(photo, worlds, reference):
 
 
 def test_three_photos_give_their_cameras_and_a_check_of_each(solved, worlds):
+    assert not solved.reconstruction.warnings
     first = worlds[solved.reference]
     assert [photo.name for photo in solved.photos] == NAMES
     for photo in solved.photos:
