@@ -56,8 +56,7 @@ def python(folder, *arguments, code=0):
         "PHYSIC_CACHE": "off",
         "POISON_MARKER": str(folder.parent / "marker"),
     }
-    for name in ("PYTHONPATH", "PYTHONSAFEPATH"):
-        environment.pop(name, None)
+    environment.pop("PYTHONSAFEPATH", None)
     done = subprocess.run(
         [sys.executable, *arguments],
         cwd=folder,
