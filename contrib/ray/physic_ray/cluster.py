@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import secrets
 import signal
 import socket
 import sys
@@ -34,14 +35,15 @@ def connected(address: str | None) -> Iterator[bool]:
         address: of the cluster, "auto" or "HOST:6379"; this machine is one of its nodes. None for
             that of the environment variable RAY_ADDRESS, or, without it, for a cluster that is
             started here and ended with this process. It reports no usage statistics, has no
-            dashboard, and listens on 127.0.0.1 only.
+            dashboard, listens on 127.0.0.1 only, and asks for a token that is in no file.
 
     Raises:
         ConfigError: the cluster cannot be reached, or has another version of Ray or Python.
     """
     address = address or os.environ.get("RAY_ADDRESS")
     started = address is None
-    for name, value in (_QUIET | _LOOPBACK if started else _QUIET).items():
+    settings = _QUIET | _LOOPBACK | _token_of_this_process() if started else _QUIET
+    for name, value in settings.items():
         os.environ.setdefault(name, value)
     import ray
 
@@ -74,6 +76,14 @@ def connected(address: str | None) -> Iterator[bool]:
             yield started
         finally:
             ray.shutdown()
+
+
+def _token_of_this_process() -> dict[str, str]:
+    """Return variables of a cluster that only this process and its workers can use.
+
+    Ray itself would write a token into the home folder.
+    """
+    return {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
 
 
 def _check_reachable(address: str) -> None:

@@ -104,7 +104,7 @@ def test_a_person_uploads_a_photo_in_the_browser(address, photo, chromium, tmp_p
     )
     page.wait("!!document.querySelector('iframe')")
     assert page.evaluate("document.querySelector('h1').textContent") == "walk.png"
-    assert "good" in page.evaluate("document.querySelector('#progress').textContent")
+    assert "pose usable" in page.evaluate("document.querySelector('#progress').textContent")
     page.wait("document.querySelector('iframe').contentDocument?.documentElement?.dataset.ready")
     assert page.picture("iframe").std() > 10
     assert page.evaluate("document.documentElement.scrollWidth") <= 420
