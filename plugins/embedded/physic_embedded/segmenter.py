@@ -21,7 +21,13 @@ from physic_embedded.networks.mobile_sam import embed_image
 from physic_embedded.networks.sessions import PackagedBackend, Products, Threads
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
 from physic_embedded.segmentation.hidden_hips import lower_confidence_of_hidden_hips
-from physic_embedded.segmentation.people import detect_poses, poses_of_same_person, unposed_person
+from physic_embedded.segmentation.people import (
+    LEAST_HEIGHT_PX,
+    LOW,
+    detect_poses,
+    poses_of_same_person,
+    unposed_person,
+)
 from physic_embedded.segmentation.people_in_pictures import halve_unlikely_people
 from physic_embedded.segmentation.person_masks import person_masks, resolve_overlaps
 from physic_embedded.segmentation.prompted_people import DetectedPeople, choose_poses
@@ -48,7 +54,6 @@ another one, above which the person is a part of others. A carried person has al
 of who carries them, but another pose.
 """
 _BOX_SCORE = 0.4  # of a person by YOLOX; 0.1 less if a pose fits the box well
-_LEAST_HEIGHT_PX = 40.0  # of a mask; lower people are omitted
 
 
 class EmbeddedSegmenterOptions(Options):
@@ -209,9 +214,8 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
     ) -> tuple[list[DetectedPose], BoolArray, list[UnposedPerson]]:
         """Omit people whose mask is low, and return them as boxes without a pose."""
         edges = boxes_from_masks(masks)
-        tall = edges[:, 3] - edges[:, 1] >= _LEAST_HEIGHT_PX
-        why = f"lower than {_LEAST_HEIGHT_PX:g} px"
-        low = [unposed_person(one.extent, one.score, why) for one in compress(detections, ~tall)]
+        tall = edges[:, 3] - edges[:, 1] >= LEAST_HEIGHT_PX
+        low = [unposed_person(one.extent, one.score, LOW) for one in compress(detections, ~tall)]
         return list(compress(detections, tall)), masks[tall], low
 
     def _people(

@@ -149,11 +149,13 @@ def predict_pose(
 
 
 def predict_pose_if_present(
-    session: OnnxSession, picture: ImagePyramid, square: RotatedSquare
+    session: OnnxSession, picture: ImagePyramid, square: RotatedSquare, least: float = _HOPELESS
 ) -> Pose | None:
-    """Return :func:`predict_pose` of a square, or None if the first look is hopeless."""
+    """Return :func:`predict_pose` of a square, or None if the first look has a score below
+    ``least``.
+    """
     look = _run_network(session, picture.crop(square, LANDMARK_SIZE))
-    if look.score < _HOPELESS:
+    if look.score < least:
         return None
     refined = person_square(*square.to_photo(look.points[33:35], LANDMARK_SIZE))
     return predict_pose(session, picture, refined, passes=1)

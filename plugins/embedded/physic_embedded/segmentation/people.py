@@ -54,6 +54,13 @@ WEAK_MARGIN = 0.1
 """Boxes with a score lower by up to this than ``box_score`` are tried, and kept if a pose fits them
 well.
 """
+LEAST_HEIGHT_PX = 40.0
+"""Least height of the mask of a person; lower people are omitted."""
+LOW = f"lower than {LEAST_HEIGHT_PX:g} px"
+_LEAST_BOX_SHARE = 0.75
+"""Least height of a box that is looked at, over that of a mask. In 314 photos no lower box becomes
+a mask that is tall enough.
+"""
 LEAST_SCORE = 0.2
 """Score from which on a box without a pose is reported: somebody may be there."""
 LEAST_FIT = 0.15
@@ -174,7 +181,8 @@ def detect_poses(
         box_detector, image, min_score=least, min_tile_score=least, fractions=tiles
     )
     every, left_out = _without_things(things, box_score)
-    boxes = every[every.scores > lowest]
+    is_tall = every.boxes[:, 3] - every.boxes[:, 1] >= _LEAST_BOX_SHARE * LEAST_HEIGHT_PX
+    boxes = every[is_tall & (every.scores > lowest)]
     posed = [
         (box, float(score), pose_in_box(landmarker, picture, box))
         for box, score in zip(boxes.boxes, boxes.scores, strict=True)
@@ -200,7 +208,8 @@ def detect_poses(
     without_box = _poses_without_box(blazepose, things, lowest)
     people = _without_repeats(_best_poses(posed, candidates, box_score) + without_box)
     unposed = _add_hidden_people(landmarker, image, posed, people, box_score)
-    unposed += _beyond_limit(people, max_people) + _low_score_people(every[every.scores <= lowest])
+    unposed += _beyond_limit(people, max_people)
+    unposed += _people_without_look(every[~is_tall | (every.scores <= lowest)], box_score)
     people = _with_upper_bodies(landmarker, image, people[:max_people])
     return FoundPeople(people, unposed, left_out, things.carriers(box_score))
 
@@ -223,10 +232,10 @@ def _beyond_limit(people: Sequence[DetectedPose], max_people: int) -> list[Unpos
     return [unposed_person(person.extent, person.score, why) for person in people[max_people:]]
 
 
-def _low_score_people(boxes: Detections) -> list[UnposedPerson]:
-    """Return the people of boxes whose scores are too low to look at them."""
+def _people_without_look(boxes: Detections, box_score: float) -> list[UnposedPerson]:
+    """Return the people of boxes that are too low, or whose scores are too low, to look at them."""
     return [
-        unposed_person(box, float(score), HARDLY_VISIBLE)
+        unposed_person(box, float(score), LOW if score >= box_score else HARDLY_VISIBLE)
         for box, score in zip(boxes.boxes, boxes.scores, strict=True)
     ]
 

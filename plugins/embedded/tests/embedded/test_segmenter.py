@@ -19,7 +19,7 @@ from physic_embedded.networks.single_shot_detection import anchor_centers, decod
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.segmentation.floor_mask import add_labelled_floor
 from physic_embedded.segmentation.hidden_people import grey_out
-from physic_embedded.segmentation.people import is_person
+from physic_embedded.segmentation.people import LOW, is_person
 from physic_embedded.segmentation.person_masks import resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads
 from physic_testing import violations
@@ -148,6 +148,15 @@ def test_a_mirror_image_swaps_sides(segmenter, people, image):
     apart = np.linalg.norm(back - people.keypoints.points[0], axis=1)
     assert apart.mean() < 4
     assert (other.masks[0, :, ::-1] & people.masks[0]).sum() > 0.95 * people.masks[0].sum()
+
+
+def test_people_too_low_for_a_mask_are_reported_without_a_pose(segmenter, pytestconfig):
+    bgr = cv2.imread(str(pytestconfig.rootpath / "examples" / "couple.jpg"))
+    photo = np.full((200, 260, 3), 128, np.uint8)
+    photo[60:88, 80:122] = cv2.resize(bgr, (42, 28), interpolation=cv2.INTER_AREA)[..., ::-1]
+    found = segmenter.infer(photo)
+    assert len(found) == 0
+    assert [one.reason for one in found.unposed if one.is_missing] == [LOW, LOW]
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (8, 300), (64, 64), (240, 320)])
