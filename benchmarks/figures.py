@@ -107,7 +107,7 @@ def truth_figures(file: Path) -> dict[str, Any]:
     return {
         "commit": commit_of_code(),
         "preset": run["preset"],
-        "photos": run["photos"],
+        "photos": run["counts"],
         "rows": [
             {**row, "digits": TRUTH_ROWS[row["name"]]}
             for row in run["table"]

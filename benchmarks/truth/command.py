@@ -58,7 +58,7 @@ def main() -> int:
         "preset": None if given.config else given.preset,
         "config": str(given.config) if given.config else None,
         "settings": given.settings,
-        "photos": counts,
+        "counts": counts,
         "table": [
             {"name": r.figure.name, "value": r.this, "low": r.low, "high": r.high, "count": r.count}
             for r in rows

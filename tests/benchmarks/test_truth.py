@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.figures import truth_figures
 from benchmarks.truth import command, measures, scores, sets, table, triangulation
 from benchmarks.truth import joints as limbs
 from physic_bench import cameras
@@ -232,3 +233,6 @@ def test_a_run_writes_table_and_json(tmp_path, monkeypatch, capsys, joints):
     written = json.loads((tmp_path / "out" / "results.json").read_text())
     assert [person["photo"] for person in written["people"]] == ["a", "b"]
     assert "photos: mpi_inf_3dhp 2" in capsys.readouterr().out
+    shown = truth_figures(tmp_path / "out" / "results.json")
+    assert shown["photos"]["mpi_inf_3dhp"] == 2
+    assert {"name": "MPJPE, mm", "value": pytest.approx(100.0)}.items() <= shown["rows"][0].items()
