@@ -265,7 +265,7 @@ def _people(
     with_bodies = tuple(index for index in wanted if index not in bodiless)
     if kind.bodies == "required" and not with_bodies:
         why = "no person of this result has a body" if count else "no person was found in the photo"
-        raise InputError(f"cannot export to {kind.name}, which holds people: {why}")
+        raise InputError(f"cannot export to {kind.name}, which needs a body: {why}")
     left = sorted(bodiless.intersection(wanted))
     return with_bodies, tuple(f"person {index} has no body and is skipped" for index in left)
 

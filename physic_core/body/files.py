@@ -253,7 +253,7 @@ def _from_npz(path: Path, layout: ModelFileLayout) -> dict[str, AnyArray]:
         raise
     except Exception as error:  # zipfile, its compressors and numpy raise many classes
         raise BodyModelError(
-            f"{path} cannot be read, the file is damaged: copy or download it again"
+            f"cannot read {path}: the file is damaged; copy or download it again"
         ) from error
 
 

@@ -139,8 +139,8 @@ def _check_definition(skeleton: str, name: str, shares: Mapping[str, float]) -> 
     if name not in BODY_POINTS and abs(sum(shares.values()) - 1) > _SHARES_OFF:
         raise BodyModelError(
             f"the point {name!r} of the skeleton {skeleton!r} is not a point of a body, and its "
-            f"shares of body points sum to {sum(shares.values()):g}, not 1: state in "
-            f"Skeleton.on_body where it lies, or {{}} for nowhere"
+            f"weights sum to {sum(shares.values()):g}, not 1: correct them in "
+            f"Skeleton.on_body, or give {{}} to leave the point out of fits"
         )
 
 

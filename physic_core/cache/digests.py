@@ -140,7 +140,7 @@ class CodeDigester:
         modules: list[Path] = []
         for base in kind.__mro__:
             top = base.__module__.partition(".")[0]
-            if top in sys.stdlib_module_names or (modules and not _sources(top)):
+            if top in sys.stdlib_module_names or (modules and not _uninstalled_modules(top)):
                 continue
             file = getattr(sys.modules.get(base.__module__), "__file__", None)
             if file is None or top == "__main__" or "<locals>" in base.__qualname__:
@@ -244,7 +244,7 @@ def _read_code(files: list[Path]) -> _Code | None:
         return None
     paths: list[Path] = []
     for name in sorted(imported - sys.stdlib_module_names):
-        paths += (found := _sources(name))
+        paths += (found := _uninstalled_modules(name))
         if not found and not is_declared:
             digest.update(f"{name} {versions_of(name)};".encode())
     return _Code(digest.digest(), tuple(dict.fromkeys(paths)))
@@ -281,7 +281,7 @@ def _files_named_in(source: bytes, folder: Path) -> list[Path]:
     return found
 
 
-def _sources(name: str) -> list[Path]:
+def _uninstalled_modules(name: str) -> list[Path]:
     """Return the modules of a top-level name whose code counts: one, or all in the folders of a
     package without ``__init__.py``; none if it is installed, or missing.
 

@@ -125,7 +125,7 @@ def file_layers(
     extended = table.pop("extends", base)
     if not isinstance(extended, str):
         raise ConfigError(
-            f"{path}: extends should be the name of a preset or a path (got {quoted(extended)})"
+            f"{path}: 'extends' should be a preset name or a path (got {quoted(extended)})"
         )
     try:
         if is_config_path(extended):

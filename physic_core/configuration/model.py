@@ -380,7 +380,7 @@ class RunSettings(StrictModel):
     @classmethod
     def _is_device(cls, value: str) -> str:
         if not DEVICE_PATTERN.fullmatch(value):
-            raise ValueError(f"{value!r} is not a device: name cpu, cuda or cuda:N")
+            raise ValueError(f"{value!r} is not a device: use cpu, cuda or cuda:N")
         return value
 
 

@@ -80,7 +80,7 @@ def find_backend(interface: str, name: str) -> Offer:
     if offers:
         ways = " or ".join(f"'{offer.distribution}:{offer.name}'" for offer in offers)
         raise AmbiguousBackendError(
-            f"{' and '.join(map(str, offers))} have one name: write {ways} to choose"
+            f"{' and '.join(map(str, offers))} share a name: write {ways} to choose"
         )
     target = local_modules.split_folder(name)[1]
     distribution = canonicalize_name(target.partition(":")[0])

@@ -20,6 +20,7 @@ from physic_core.engine.joint.method import JointStageMethod, TermWeight
 from physic_core.engine.joint.optimiser import LbfgsOptimiser, Optimiser
 from physic_core.engine.joint.sampling import Sampling, with_static_contacts
 from physic_core.engine.joint.term import Term
+from physic_core.engine.joint.terms.fused_surface import SurfaceTerms
 from physic_core.engine.joint.terms.head import HeadTerm
 from physic_core.engine.joint.terms.lean import LeanTerm
 from physic_core.engine.joint.terms.people import PeopleTerm, SkinContactTerm, mutual_skin_contacts
@@ -50,7 +51,6 @@ from physic_core.engine.joint.terms.scene_contact import (
     SoleSettings,
     SoleTerm,
 )
-from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.joint.variables import Variables
 from physic_core.engine.placement.method import PlacementStageMethod
 from physic_core.engine.scene.method import SceneStageMethod

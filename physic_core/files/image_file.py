@@ -237,8 +237,8 @@ class ImageSource:
     def damaged_error(self) -> InputError:
         """Return the error for a file whose data are damaged."""
         return InputError(
-            f"cannot read the {self}: its data are damaged or truncated; copy it again from where "
-            "it came, or save it again from a program that shows it completely"
+            f"cannot read the {self}: its data are damaged or truncated; copy it again from its "
+            "source, or save it again in a program that shows all of it"
         )
 
     def raw_error(self) -> InputError:

@@ -97,7 +97,9 @@ def read_arrays(
         size = sum(entry.file_size for entry in entries.values())
         limit = MAX_ARRAY_BYTES if limit is None else limit
         if size > limit:
-            raise ValueError(f"its arrays claim {size / 1e6:,.0f} MB, more than {limit / 1e6:,.0f}")
+            raise ValueError(
+                f"its arrays need {size / 1e6:,.0f} MB; the limit is {limit / 1e6:,.0f} MB"
+            )
         return {name: _array(archive, entry) for name, entry in entries.items()}
 
 

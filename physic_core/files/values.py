@@ -86,7 +86,9 @@ def matrix(values: Any, what: str) -> Float64Array:
     if found.dtype.kind == "O":
         wrong = [one for one in found.ravel() if not _is_number(one)]
         if wrong:
-            raise ValueError(f"{what} should be numbers in equal rows (got {quoted(wrong[0])})")
+            raise ValueError(
+                f"{what} should be numbers in rows of equal length (got {quoted(wrong[0])})"
+            )
     elif found.dtype.kind not in "iuf":
         raise ValueError(f"{what} should be numbers (got {found.dtype})")
     try:

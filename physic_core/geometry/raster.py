@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 _SIDES = (2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)  # px, sides of the pixel boxes of a bucket
-_BLOCK = 1 << 24  # pixels per block
+_BLOCK_PIXELS = 1 << 24  # pixels per block
 _NEAR_M = 1e-3  # triangles with a smaller depth are not drawn
 
 
@@ -47,7 +47,7 @@ def rasterize(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int)
     for side in (*(s for s in _SIDES if s < largest), largest):
         chosen = (drawn & (extent > least) & (extent <= side)).nonzero(as_tuple=True)[0]
         least = side
-        for rows in torch.split(chosen, max(1, _BLOCK // (side * side))):
+        for rows in torch.split(chosen, max(1, _BLOCK_PIXELS // (side * side))):
             _draw(pictures, _Triangles(*(part[rows] for part in triangles)), side)
     return torch.where(pictures == nothing, -1, pictures & 0xFFFFFFFF)
 

@@ -134,7 +134,7 @@ class Repository:
 
     Attributes:
         option: option with the folder of the checkout.
-        name: of the project.
+        name: project name.
         url: for ``git clone``.
         commit: hexadecimal digits of the commit that the backend was tested with; "" if none was.
         folder: value of the option, "" if it is not set.
@@ -278,7 +278,7 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
         super().__init_subclass__(**named)
         if isinstance(cls.reads, str):
             raise TypeError(
-                f'{cls.__name__}.reads is one text: write a tuple, reads = ("{cls.reads}",)'
+                f'{cls.__name__}.reads is a string: write a tuple, reads = ("{cls.reads}",)'
             )
         if cls.reads is None or not hasattr(cls, "Request"):  # a base class of several interfaces
             return

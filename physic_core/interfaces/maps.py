@@ -44,8 +44,8 @@ class MetricDepth(Backend):
 
     The scale of the depth is one vote on the scale of the scene, beside the people and everything
     else of known size. Its sigma is ``scale_sigma``, or 0.1 without one. The depth is then
-    multiplied to the scale of the vote. A backend with "scale" in ``reads`` gets the vote of the
-    others in ``hints.scale``, and its depth is used as it is. A backend that needs people, and gets
+    multiplied to the scale of the vote. A backend with "scale" in ``reads`` gets the vote of all
+    others in ``hints.scale``, and its depth is not rescaled. A backend that needs people, and gets
     none, raises NoPersonError: the depth is then that of the scene.
 
     A backend that measures or reads depth sets ``sees = "photo"``: it is called once, for the photo

@@ -323,8 +323,8 @@ class PersonObserverRequest(Request[Observations]):
 
 
 class PersonObserver(Backend):
-    """Estimates what each person does, which limbs touch something, and where the face looks (the
-    paper has none).
+    """Estimates what each person does, which limbs touch something, and where the face points
+    (paper: none).
     """
 
     interface = "person_observer"

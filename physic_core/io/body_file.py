@@ -141,7 +141,7 @@ def read_bodies(file: FileOfPhoto, model_file: str | None = None) -> GivenBodies
         model_file: the body model that parameters or vertices of SMPL, SMPL-X or MHR are for.
 
     Raises:
-        InputError: the file cannot be read, its form is not known, or its bodies cannot be right.
+        InputError: the file cannot be read, its format is unknown, or its bodies cannot be right.
         PackageMissingError: it is of another program, and no installed plugin reads it.
         BodyModelError: the model file cannot be used.
     """
@@ -160,7 +160,7 @@ def unusable_message(error: Exception) -> str:
     if isinstance(error, KeyError):
         return f"it lacks {error}"
     if isinstance(error, json.JSONDecodeError | UnicodeDecodeError | zipfile.BadZipFile):
-        return f"its form is not known, or it is damaged ({error})"
+        return f"its format is unknown, or it is damaged ({error})"
     return str(error)
 
 
@@ -209,7 +209,7 @@ def read_by_plugin(hook: str, what: str, file: FileOfPhoto) -> Any:
         record = import_item(found, f"reader of {what}")(file)
         if record is not None:
             return record
-    raise ValueError(f"its form is not known; docs/bodies.md lists the {what} that are read")
+    raise ValueError(f"its format is unknown; docs/bodies.md lists the supported {what}")
 
 
 def _physic_arrays(path: Path) -> Mapping[str, Any] | None:

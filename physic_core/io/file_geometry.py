@@ -103,7 +103,7 @@ def drone_note(xmp: str) -> str:
     )
 
 
-def stretched_pixels(
+def stretched_pixel_note(
     info: Mapping[Any, Any], tags: Mapping[int, Any], stored: tuple[int, int], orientation: int
 ) -> str:
     """Return why the pixels of a file are or may not be square, and the resize that mends them; ""

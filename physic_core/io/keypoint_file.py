@@ -79,7 +79,7 @@ def read_keypoints(path: str, width: int, height: int, photo: str = "") -> Given
         photo: name of the photo's file, which selects one image of a dataset.
 
     Raises:
-        InputError: the file cannot be read, its form is not known, it has no keypoints, has one
+        InputError: the file cannot be read, its format is unknown, it has no keypoints, has one
             twice, is for a picture of another shape, or has most of its keypoints outside of the
             photo.
         PackageMissingError: it is JSON, and no installed plugin reads it.
@@ -119,7 +119,7 @@ def _table_of(document: Any, photo: str) -> KeypointTable:
         table: KeypointTable | None = import_item(reader, "reader of keypoints")(document, photo)
         if table is not None:
             return table
-    raise ValueError(f"its form is not known: it has {_words_for_document(document)}")
+    raise ValueError(f"its format is unknown: it has {_words_for_document(document)}")
 
 
 def _words_for_document(document: Any) -> str:
@@ -220,7 +220,6 @@ def _check_inside(
     at = int(np.flatnonzero(~inside)[0])
     place = f"the {rows[at][1]} of person {rows[at][0]} at ({points[at, 0]:g}, {points[at, 1]:g})"
     raise ValueError(
-        f"{(~inside).sum()} of {len(rows)} keypoints lie outside of the photo of {size[0]} x "
-        f"{size[1]} px, such as "
-        f"{place}: are they px of another picture?"
+        f"{(~inside).sum()} of {len(rows)} keypoints lie outside the photo of {size[0]} x "
+        f"{size[1]} px, such as {place}: give px of this photo"
     )

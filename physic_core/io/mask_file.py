@@ -27,7 +27,7 @@ def read_masks(file: FileOfPhoto) -> MasksInFile:
     resized to the nearest pixel.
 
     Raises:
-        InputError: the file cannot be read, its form is not known, or its masks are of another
+        InputError: the file cannot be read, its format is unknown, or its masks are of another
             picture.
         PackageMissingError: no installed plugin reads it.
     """

@@ -27,7 +27,12 @@ from physic_core.io.exif import (
     intrinsics_from_exif,
     swaps_sides,
 )
-from physic_core.io.file_geometry import drone_note, panorama_kind, stretched_pixels, up_of_gimbal
+from physic_core.io.file_geometry import (
+    drone_note,
+    panorama_kind,
+    stretched_pixel_note,
+    up_of_gimbal,
+)
 from physic_core.io.result_folder import file_digest, image_digest
 from physic_core.io.thumbnail import share_of_thumbnail, was_encoded_anew
 from physic_core.types.short_repr import ShortRepr
@@ -305,7 +310,7 @@ def _read_pixels(
         notes.append(
             f"{stored[0] * stored[1] / 1e6:.0f} megapixels were read at {width} x {height} px"
         )
-    stretched = stretched_pixels(image.info, tags, stored, orientation)
+    stretched = stretched_pixel_note(image.info, tags, stored, orientation)
     intrinsics, focal_notes = intrinsics_from_exif(
         {} if stretched else tags,
         stored,

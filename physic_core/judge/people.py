@@ -19,7 +19,7 @@ from physic_core.judge.photo import NO_FLOOR, relative_difference
 from physic_core.judge.spec import NO_BODY, OTHER_BODY, SIDE_VIEW, YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.contacts import SupportState, part_words
-from physic_core.types.observations import ENDS, LEAST_PROBABILITY
+from physic_core.types.observations import CARRYING_PARTS, LEAST_PROBABILITY
 from physic_core.types.records import in_words
 from physic_core.types.skeletons import SURE_CONFIDENCE
 
@@ -105,8 +105,8 @@ def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measu
     unmeasured="no pixel of the photo shows this person",
 )
 def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the number of heads in the person's mask, which the segmenter or the keypoints of
-    other people show.
+    """Return the number of heads in the person's mask, by the segmenter or by other people's
+    keypoints.
     """
     mask = estimates.photo.people.masks[person]
     if not mask.any():
@@ -223,7 +223,9 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
         return None
     if lies(result, person):
         return _sure_carriers(subject)
-    value = math.prod(max(part_probability[part], 1 - part_probability[part]) for part in ENDS)
+    value = math.prod(
+        max(part_probability[part], 1 - part_probability[part]) for part in CARRYING_PARTS
+    )
     seated = subject.posture in _SEATED and (subject.posture_probability or 0.0) >= 0.5
     if seated and part_probability["seat"] < 0.5:
         probability = subject.posture_probability or 0.0
@@ -232,7 +234,7 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
             f"was detected under the body: see {SIDE_VIEW}, and do not use the contacts of the "
             f"buttocks"
         )
-    least = min(ENDS, key=lambda part: abs(part_probability[part] - 0.5))
+    least = min(CARRYING_PARTS, key=lambda part: abs(part_probability[part] - 0.5))
     taken = "listed" if part_probability[least] >= 0.5 else "not listed"
     return (
         value,

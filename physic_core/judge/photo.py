@@ -72,7 +72,7 @@ def photo_alignment(estimates: Estimates, result: Reconstruction) -> Measured:
 # 10 degrees.
 @_check("Floor where the photo shows floor", at_least=1, unit=YES)
 def floor(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return whether there is a floor, at pixels that the segmenter labels as floor."""
+    """Return whether a floor is found where the segmenter labels floor."""
     report = result.diagnostics["scene"]["floor"]
     reason = report["reason"]
     in_mask = report["in_mask"]
@@ -318,7 +318,7 @@ def focal_agreement(estimates: Estimates, result: Reconstruction) -> Measured:
     )
 
 
-_BOX = "to try again, give --box X0,Y0,X1,Y1 once for each person to keep"
+_BOX_ADVICE = "to try again, give --box X0,Y0,X1,Y1 once for each person to keep"
 
 
 @_check("Large people without a body", at_most=0, unit="count")
@@ -339,7 +339,7 @@ def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
     ]
     people_text = f"{len(lacking)} large {'person' if len(lacking) == 1 else 'people'}"
     # a reason that the segmenter can cure ends with what to do
-    cures = dict.fromkeys(reason.partition(": ")[2] or _BOX for reason in lacking)
+    cures = dict.fromkeys(reason.partition(": ")[2] or _BOX_ADVICE for reason in lacking)
     return float(len(lacking)), (
         f"{people_text} {'has' if len(lacking) == 1 else 'have'} no body (dashed in preview.png): "
         f"{', or '.join(cures)}"

@@ -252,10 +252,10 @@ def _check_principal_point(intrinsics: Sequence[float], width: int, height: int)
         right = (fy, fx, cy, cx) if turned else (fx, fy, cx, cy)
         suggested = ",".join(f"{value / scale:.0f}" for value in right)
         raise ConfigError(
-            f"the principal point ({cx:g}, {cy:g}) is the center of a picture of about "
+            f"the principal point ({cx:g}, {cy:g}) fits a picture of about "
             f"{scale * w:.0f} x {scale * h:.0f} px{turned}, but the photo has {width} x {height} "
-            f"px: give the photo's intrinsics, about {suggested}; for a crop with this principal "
-            "point, pass Intrinsics in Python"
+            f"px: give intrinsics of this photo, about {suggested}; for an off-center crop, pass "
+            "Intrinsics in Python"
         )
 
 
@@ -339,7 +339,7 @@ def checked_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePromp
     numbers = np.array([value for place in (*points, *boxes) for value in place])
     if ((numbers >= 0) & (numbers <= 1)).all() and (numbers % 1).any():
         raise ConfigError(
-            f"the coordinates of people look like shares of the picture: give px of {size}"
+            f"the coordinates of people look like fractions of the picture: give px of {size}"
         )
     for i, (x, y) in enumerate(checked.points):
         if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
@@ -351,7 +351,7 @@ def checked_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePromp
             )
         if not (x1 > 0 and y1 > 0 and x0 < width and y0 < height):
             raise ConfigError(
-                f"{checked.describe(i)} lies outside {size}: give x0, y0, x1, y1 in its px"
+                f"{checked.describe(i)} lies outside {size}: give x0, y0, x1, y1 in px of the photo"
             )
     if masks is not None:
         _check_masks(masks, width, height)

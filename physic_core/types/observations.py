@@ -27,7 +27,7 @@ TOUCH_PARTS = (
 )
 """Rows of ``touch`` of :class:`Observations`: parts of a person."""
 
-ENDS = TOUCH_PARTS[:5]
+CARRYING_PARTS = TOUCH_PARTS[:5]
 """Feet, hands and seat, which carry people most."""
 
 TOUCHED = ("world", "object", "own body", "person", "nothing")

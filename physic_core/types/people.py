@@ -137,8 +137,8 @@ class UnposedPerson(ShortRepr):
         box: x0, y0, x1, y1 px, half open.
         score: of the detection, in [0, 1].
         reason: why there is no body, a few words ("no pose fits the box"), or
-            :data:`FOUND_TWICE`, :data:`HARDLY_VISIBLE` or :data:`NOT_CHOSEN`; what cures it may
-            follow after a colon.
+            :data:`FOUND_TWICE`, :data:`HARDLY_VISIBLE` or :data:`NOT_CHOSEN`; a cure may follow
+            after a colon.
     """
 
     box: tuple[float, float, float, float]

@@ -113,7 +113,7 @@ def in_words(names: Sequence[str]) -> str:
 
 _YES = "1: yes"
 
-_UNITS = {
+_UNIT_FORMATS = {
     "share": (100, " %", 0),
     "log": (100, " %", 0),
     "m": (1, " m", 2),
@@ -203,7 +203,7 @@ class CheckResult:
         """Factor, symbol and digits of value and threshold: centimeters below a meter."""
         if self.unit == "m" and self.threshold < 1:
             return 100, " cm", 0
-        return _UNITS.get(self.unit, (1, f" {self.unit}", 2))
+        return _UNIT_FORMATS.get(self.unit, (1, f" {self.unit}", 2))
 
     @property
     def ok(self) -> bool:

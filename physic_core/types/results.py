@@ -121,7 +121,7 @@ class Person(ShortRepr):
         unseen: limbs, hands and feet without a confident keypoint inside the photo at their end:
             their pose is mostly a guess.
         joint_sigma: (55,) meters, root mean square error of each joint relative to the middle of
-            the hips, as the body estimator states it; NaN where unknown, None without a statement.
+            the hips, as the body estimator states it; NaN where unknown, None if not stated.
         body_source: what the user gives as this body, such as the tool and its file; "" for an
             estimated one.
         given_joints: (55, 3) meters, joints of a given body in the camera frame; None for an

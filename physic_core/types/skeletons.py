@@ -64,7 +64,7 @@ class Skeleton(ShortRepr):
             )
         if strange := sorted({*self.on_body, *self.weights} - set(self.names)):
             raise ValueError(
-                f"the skeleton {self.name!r} has no point {', '.join(strange)}: add it to names"
+                f"the skeleton {self.name!r} lacks {', '.join(strange)}: add to its 'names'"
             )
         shares = [share for blend in self.on_body.values() for share in blend.values()]
         if not all(math.isfinite(number) for number in shares) or not all(

@@ -107,8 +107,8 @@ def _weight_set_named(manifest: Path, name: str) -> WeightSet:
         return sets[name]
     hint = did_you_mean(name, sets) or f"; there are: {', '.join(sorted(sets)) or 'none'}"
     raise WeightsMissingError(
-        f"no weights are named '{name}'{hint}. Put a published file of yours "
-        f"into the folder of its set: PHYSIC_WEIGHTS=FOLDER with FOLDER/NAME/FILE"
+        f"no weights are named '{name}'{hint}. If you have the published "
+        f"file, put it at FOLDER/NAME/FILE, and set PHYSIC_WEIGHTS=FOLDER"
     )
 
 

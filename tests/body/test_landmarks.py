@@ -144,7 +144,7 @@ def test_refuses_points_without_a_place(embedded, names, on_body, fault):
     ("fields", "fault"),
     [
         ({"names": ("nose", "nose")}, "names nose twice"),
-        ({"names": ("nose",), "weights": {"chin": 1.0}}, "has no point chin"),
+        ({"names": ("nose",), "weights": {"chin": 1.0}}, "lacks chin"),
         ({"names": ("nose",), "weights": {"nose": -1.0}}, "weights of at least 0"),
         ({"names": ("nose",), "on_body": {"nose": {"jaw": float("nan")}}}, "finite shares"),
     ],

@@ -188,13 +188,13 @@ def npy(shape, kind, data=b""):
 
 
 ARCHIVES = {
-    "huge": (npy("(1000000000000, 16)", "'<f8'"), "cannot be read, the file is damaged"),
+    "huge": (npy("(1000000000000, 16)", "'<f8'"), "the file is damaged"),
     "objects": (npy("(778, 16)", "'|O'"), "holds a pickled object where numbers belong"),
     "fields": (
         npy("(778, 16)", "[('a', '|O'), ('b', '<f8')]"),
         "holds a pickled object where numbers belong",
     ),
-    "no header": (b"nothing", "cannot be read, the file is damaged"),
+    "no header": (b"nothing", "the file is damaged"),
     "zeros": (
         npy("(6250000, 2)", "'<f8'", bytes(10**8)),
         ": weights must be (778, 16), got (6250000, 2)",

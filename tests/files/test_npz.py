@@ -36,7 +36,7 @@ def test_arrays_of_more_than_4_gb_are_refused_by_the_sizes_that_the_file_states(
     for entry in re.finditer(b"PK\x01\x02", content):
         # size when inflated
         content[entry.start() + 24 : entry.start() + 28] = (3 << 30).to_bytes(4, "little")
-    with pytest.raises(ValueError, match="claim 6,442 MB"):
+    with pytest.raises(ValueError, match="6,442 MB"):
         read_arrays(io.BytesIO(content))
 
 

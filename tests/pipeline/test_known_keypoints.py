@@ -194,7 +194,7 @@ def test_keypoints_that_are_given_as_they_were_detected_change_nothing(tmp_path)
         ('[{"x": 0.4, "y": 0.5, "z": 0, "visibility": 1}]', "a.json", "MediaPipe"),
         ("person,joint,x,y\n0,nose,.4,.5\n0,left_wrist,.5,.4\n", "a.csv", "shares"),
         ("person,joint,x,y\n0,left_wrist,1,2\n0,left_wrist,1,3\n", "a.csv", "twice"),
-        ("{}", "a.json", "form is not known"),
+        ("{}", "a.json", "format is unknown"),
         ('[{"image_id": 1, "keypoints": [1, 2]}]', "a.json", "2 numbers for 17, 23, 26 or 133"),
     ],
 )

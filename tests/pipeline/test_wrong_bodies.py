@@ -130,9 +130,9 @@ WRONG = {
     "half of a film": (cut(film), "cannot be (used|read)"),
     "half of a pickle": (content(pickle.dumps({"a": np.zeros(99)})[:-200]), "damaged pickle"),
     "half of joblib's": (content(b"\x78\x9c"), "cannot be used"),
-    "a text": (content(b"hello"), "form is not known"),
-    "JSON": (content(b"{}"), "form is not known"),
-    "nothing": (content(b""), "form is not known"),
+    "a text": (content(b"hello"), "format is unknown"),
+    "JSON": (content(b"{}"), "format is unknown"),
+    "nothing": (content(b""), "format is unknown"),
 }
 
 

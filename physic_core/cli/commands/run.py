@@ -63,14 +63,14 @@ _SAVE = (
     "JSON and arrays of the people."
 )
 
-_REPORT = "Write report.html, a 3D page for a browser, or not. [default: with pictures]"
+_REPORT = "Write report.html, a 3D page for a browser. [default: with --save pictures]"
 
 _KEYPOINTS = (
     "Keypoints that replace detected ones, px of the photo file: CSV with person (as in "
     "people.csv), joint, x, y; or COCO JSON."
 )
 
-_BODIES = "Bodies of another program: .npz of `physic export --to bodies`, or see docs/bodies.md."
+_BODIES = "Bodies: .npz of `physic export --to bodies`, or from another program (docs/bodies.md)."
 _MASKS = (
     "Masks of the people: COCO .json, label .png, .npz (N, H, W), a folder of SAM, or .txt of "
     "polygons."
@@ -125,7 +125,7 @@ _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure
     "photo.box",
     type=Numbers("x0,y0,x1,y1"),
     multiple=True,
-    help="The same, by a box around a person.",
+    help="Like --person, by a box around a person; may be repeated.",
 )
 @_setting_option("--ignore", "photo.ignore", type=Numbers("x,y"), multiple=True, help=_IGNORE)
 @_setting_option(
@@ -161,8 +161,8 @@ _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure
     "--age",
     "photo.age",
     type=Numbers("years,..."),
-    help="Known age, years, like --stature: one for all people, or one per person from left to "
-    "right, 0 where unknown.",
+    help="Known ages in years: one for all people, or one per person from left to right, 0 where "
+    "unknown.",
 )
 @_setting_option(
     "--camera-height",
@@ -176,8 +176,8 @@ _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure
     "photo.known_length",
     type=Numbers("x1,y1,x2,y2,meters"),
     multiple=True,
-    help="Two pixels of the photo file and the true distance between their points; may be "
-    "repeated.",
+    help="Two pixels of the photo file and the true distance between what they show; may "
+    "be repeated.",
 )
 @_setting_option(
     "--require-people",

@@ -153,7 +153,7 @@ class SurfaceResidual(NamedTuple):
 
 class SurfaceTerm(ABC):
     """Robust sum over the residuals of vertices, evaluated with the others of its kind by
-    :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`.
+    :class:`physic_core.engine.joint.terms.fused_surface.SurfaceTerms`.
 
     Attributes:
         name: of the energy, and of its weights.

@@ -172,7 +172,7 @@ def _write_and_print_tables(folder: Path, *, with_sheet: bool) -> None:
 
 def _print_forecast(todo: Sequence[PhotoItem], job: BatchJob) -> None:
     """Print the photos, and to stderr those that will fail as far as that is known."""
-    from physic_batch.forecast import expected_failure
+    from physic_batch.foreseen_failure import expected_failure
 
     failing = 0
     for item in todo:

@@ -90,7 +90,7 @@ _END_BYTES = 1 << 20
 _TABLE = "summary.csv"
 _BEFORE_NUMBERS = tuple(COLUMNS)[: tuple(COLUMNS).index("seconds")]
 # CSV has no comments: the mark is the start of the first line, which is the same in every version.
-_MARK = "id,path,state,"
+_SUMMARY_MARK = "id,path,state,"
 _PEOPLE_COLUMNS = ("id", "path", *PERSON_COLUMNS)
 _PEOPLE_MARK = "id,path,person,"
 _PEOPLE_TEXTS = (
@@ -365,7 +365,7 @@ def _ordered_columns(numbers: Set[str]) -> tuple[str, ...]:
 
 def check_tables(out: Path) -> None:
     """Raise OutputError if a table of a batch would replace a file that PhySIC has not written."""
-    check_own(out / _TABLE, mark=_MARK)
+    check_own(out / _TABLE, mark=_SUMMARY_MARK)
     check_own(out / PEOPLE_TABLE, mark=_PEOPLE_MARK)
     for path in _parquet_tables(out):
         check_parquet(path)

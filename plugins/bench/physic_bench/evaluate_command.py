@@ -78,9 +78,8 @@ _COMMON = (
         ["--results"],
         metavar="[NAME=][READER:]FOLDER",
         multiple=True,
-        help="Score results that exist; READER is physic or plain. May be repeated. The first is "
-        "compared with all "
-        "others.  [default reader: physic]",
+        help="Score existing results; READER is physic or plain. May be repeated; the first is "
+        "compared with all others.  [default reader: physic]",
     ),
     click.Option(
         ["--preset"],

@@ -17,6 +17,7 @@ from physic_core.files import read_arrays
 from physic_core.interfaces import Options, PersonObserver
 from physic_core.types import SIDES, TOUCH_PARTS, TOUCHED, Observations
 from physic_embedded.body_fit.observations import rotation_to_ray
+from physic_embedded.limb_nearness import joint_positions, limb_geometry, posture_geometry
 from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.depth_anything import TOKENS, patch_tokens
 from physic_embedded.networks.face_mesh import KEYPOINTS, face_square, predict_face_direction
@@ -26,7 +27,6 @@ from physic_embedded.networks.sessions import (
     graph_name,
     open_packaged_session,
 )
-from physic_embedded.person_geometry import joint_positions, limb_geometry, posture_geometry
 from physic_networks.onnx_sessions import select_provider
 from physic_networks.runtime import onnxruntime
 
@@ -73,7 +73,7 @@ the first one. "on_floor" is asked of feet that touch.
 """
 
 GEOMETRY = {"hand": "hand", "knee": "knee", "forearm": "elbow", "posture": "", "back": ""}
-"""Question that numbers of :mod:`physic_embedded.person_geometry` answer, too -> limb; "" for those
+"""Question that numbers of :mod:`physic_embedded.limb_nearness` answer, too -> limb; "" for those
 of the posture.
 """
 

@@ -28,7 +28,7 @@ def focal_from_fov(fov_deg: float, width: float) -> float:
         ValueError: the angle is not between 0 and 180 degrees.
     """
     if not 0 < fov_deg < 180:
-        raise ValueError(f"a field of view lies between 0 and 180 degrees, got {fov_deg:g}")
+        raise ValueError(f"the field of view must be between 0 and 180 degrees, got {fov_deg:g}")
     return 0.5 * width / math.tan(0.5 * math.radians(fov_deg))
 
 

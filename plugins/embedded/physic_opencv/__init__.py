@@ -10,7 +10,7 @@ __all__: list[str] = []
 @hookimpl
 def physic_keypoint_readers() -> list[PluginItem]:
     """Return the reader of other programs' keypoints."""
-    return [PluginItem("json", "physic_opencv.keypoint_formats:table_of")]
+    return [PluginItem("json", "physic_opencv.keypoint_files:table_of")]
 
 
 @hookimpl

@@ -172,7 +172,7 @@ def _frame_of_file(count: int, file: FileOfPhoto) -> int:
     if file.frame is None and count > 1:
         raise ValueError(f"it has {count} pictures of a film: set photo.bodies_frame, from 0")
     if (file.frame or 0) >= count:
-        raise ValueError(f"photo.bodies_frame is {file.frame}, and it has {count} pictures")
+        raise ValueError(f"photo.bodies_frame is {file.frame}: give 0 to {count - 1}")
     return file.frame or 0
 
 

@@ -239,7 +239,7 @@ def _check_rays(
         off = abs(middle) / slope / max(height, width)
         if has_depth and (away > _LARGEST_RESIDUAL or off > _FARTHEST_MIDDLE):
             raise InputError(
-                f"in {path}, points do not lie on the rays of the photo's pixels: {name} / z is "
-                f"{away:.0%} of the long side away from equal steps, and 0 at {off:.0%} from the "
+                f"in {path}, points are off the rays of the photo's pixels: {name} / z deviates "
+                f"{away:.0%} of the long side from equal steps, and is zero {off:.0%} from the "
                 f"principal point. Give points in the camera's frame, neither leveled nor moved"
             )

@@ -12,7 +12,7 @@ from physic_core.errors import InputError
 from physic_core.files import ImageSource, count, decode, matrix, number, open_image, read_text
 from physic_core.types import FileOfPhoto, MasksInFile
 from physic_opencv.documents import open_document
-from physic_opencv.keypoint_formats import annotations_of_photo, by_id, id_of, stated_size
+from physic_opencv.keypoint_files import annotations_of_photo, by_id, id_of, stated_size
 
 if TYPE_CHECKING:
     from physic_core.types import AnyArray, BoolArray
@@ -27,7 +27,7 @@ _MAX_PIXELS = 1 << 28
 
 
 def masks_of(file: FileOfPhoto) -> MasksInFile | None:
-    """Return the masks of a file or folder; None if its form is not known.
+    """Return the masks of a file or folder; None if its format is unknown.
 
     Raises:
         ValueError: the form is known and refused.
@@ -199,7 +199,7 @@ def _polygons_of_text(text: str, size: tuple[int, int]) -> BoolArray:
         del shares[len(shares) // 2 * 2 :]
         if len(shares) < 6 or not all(-0.01 <= share <= 1.01 for share in shares):
             raise InputError(
-                f"line {line_number} of the masks is not a polygon in shares of the picture"
+                f"line {line_number} of the masks is not a polygon with coordinates from 0 to 1"
             )
         masks.append(_union_of_polygons([np.reshape(shares, (-1, 2)) * size], size))
     if not masks:

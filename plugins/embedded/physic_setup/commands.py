@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 @click.option(
     "--folder",
     type=FolderPath(),
-    help="For checkouts, your own files and the configuration.  [default: physic-PRESET]",
+    help="Folder for checkouts, your files and the configuration.  [default: physic-PRESET]",
 )
 @click.option(
     "--run",

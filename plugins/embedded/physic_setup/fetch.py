@@ -56,7 +56,7 @@ def fetch(
         raise DownloadError("there is no home folder for weights: choose a folder with --to")
     folder = base / weights.name
     if wrong := size_mismatches(weights):
-        raise DownloadError(f"{wrong}: move what differs away, and try again")
+        raise DownloadError(f"{wrong}: move those files away, and try again")
     absent = [file for file in weights.files if file.path not in _files_here(weights, to)]
     by_hand = ", ".join(file.path for file in absent if not file.source)
     advice = f"{weights.advice.rstrip('. ')}; then copy it into {folder}"
@@ -161,7 +161,7 @@ def _find_in_mirror(file: WeightFile, repository: str) -> HubSource:
     for one in listed.siblings or ():
         if file.sha256 == one.lfs.sha256 if one.lfs else file.bytes == one.size:
             return HubSource(repository, one.rfilename, listed.sha or "main")
-    raise DownloadError(f"it has no file with the SHA-256 of {file.path}")
+    raise DownloadError(f"no file there matches {file.path} by SHA-256 or size")
 
 
 def _download_from_web(file: WeightFile, scratch: Path) -> Path:

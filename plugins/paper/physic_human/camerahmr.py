@@ -20,7 +20,7 @@ from pydantic import Field
 
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator
-from physic_human.user_smpl import (
+from physic_human.smpl_backends import (
     SmplCheckoutBackend,
     SmplCheckoutOptions,
     open_smpl,
@@ -235,8 +235,8 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
             ]
         except (KeyError, TypeError, IndexError) as error:
             raise BackendError(
-                f"CameraHMR returned {type(answer).__name__} without SMPL parameters and a camera: "
-                f"take the checkout of {self.project.homepage}"
+                f"CameraHMR returned {type(answer).__name__} without SMPL parameters or a camera: "
+                f"use the checkout of {self.project.homepage}"
             ) from error
 
     def _own_focal(self, image: UInt8Array, network: Any) -> float:

@@ -211,6 +211,6 @@ def load_parameters(network: torch.nn.Module, state: Mapping[str, Any], path: Pa
     if absent:
         raise BackendError(
             f"{path} is missing {len(absent)} of {len(parameters)} parameters of the network, "
-            f"{', '.join(absent[:3])}, ...: it is the checkpoint of another network or of another "
-            "version of the checkout"
+            f"{', '.join(absent[:3])}, ...: use a checkpoint of this network and this version of "
+            "the checkout"
         )

@@ -14,7 +14,7 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior
 from physic_core.types import ContactProbability
-from physic_human.user_smpl import SmplCheckoutBackend, SmplCheckoutOptions, open_smpl
+from physic_human.smpl_backends import SmplCheckoutBackend, SmplCheckoutOptions, open_smpl
 from physic_networks.checkouts import Checkout
 from physic_networks.networks import WEIGHTS_HELP
 from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw

@@ -198,8 +198,8 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         """Replace ``torch.hub.load``: build a network from the user's DINOv3 checkout."""
         if str(repo).partition(":")[0] != _DINOV3:
             raise BackendError(
-                f"SAM 3D Body wants to run code of {repo}, which is not fetched: this backend "
-                f"knows the checkout of {self.project.homepage} that uses {_DINOV3} alone"
+                f"SAM 3D Body wants to run code of {repo}, which is not fetched: use the "
+                f"checkout of {self.project.homepage} that needs only {_DINOV3}"
             )
         make = self._dinov3.attribute(name)
         others = {key: value for key, value in options.items() if key not in _OF_THE_HUB}

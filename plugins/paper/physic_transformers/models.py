@@ -219,7 +219,7 @@ def _check_model_type(folder: Path, spec: ModelSpec) -> None:
     if model_type not in spec.model_types:
         wanted = " or ".join(f"'{name}'" for name in spec.model_types)
         raise BackendError(
-            f"{folder} holds a model of the type '{model_type}', expected {wanted} for "
+            f"{folder} holds a model of the type '{model_type}': give one of type {wanted} for "
             f"{spec.class_name}"
         )
 

@@ -186,7 +186,7 @@ def read_calibration(
         if name is not None and named.count(name) > 1:
             raise InputError(
                 f"several photos are of camera {name} of {path}, such as {photo.name}: give one "
-                f"photo of each"
+                f"photo per camera"
             )
         if name is None:
             known_cameras.append(None)

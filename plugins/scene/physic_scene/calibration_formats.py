@@ -214,7 +214,7 @@ def _read_matrix(name: str, text: str) -> Float64Array:
         values = np.array(match[3].split(","), np.float64)
         if values.size == int(match[1]) * int(match[2]):
             return values
-    raise ValueError(f"{name} is no matrix of OpenCV with rows, cols and data")
+    raise ValueError(f"{name} is not an OpenCV matrix with rows, cols and data")
 
 
 # Of a lens, beside the five coefficients: thin prisms, tilts, skew, other names of distortion.

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.judge import CheckSpec, capped_by_contradictions, limb_keypoint_error
-from physic_scene.matching import pairs_cost
+from physic_scene.person_matching import pairs_cost
 
 if TYPE_CHECKING:
     from physic_core.types import CheckResult, FloatArray, IntArray, Plane, Reconstruction

@@ -94,7 +94,7 @@ def _warn_of_order(photos: Sequence[Path], cameras: Sequence[KnownCamera | None]
     metavar="FILE",
     type=AnyPath(),
     multiple=True,
-    help="Masks of another program, as of `physic run`: once for each photo, in their order.",
+    help="Masks from another program, as in `physic run`; repeat once per photo, in order.",
 )
 @click.option("-q", "--quiet", is_flag=True, help="Print only warnings and errors.")
 def scene(

@@ -13,7 +13,7 @@ import torch
 
 from physic_core.body import parameters_from_rotations
 from physic_core.types import ShortRepr
-from physic_scene.matching import compare_places
+from physic_scene.person_matching import compare_places
 
 if TYPE_CHECKING:
     from physic_core.body import BodyModel

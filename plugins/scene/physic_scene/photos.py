@@ -13,8 +13,8 @@ import numpy as np
 
 from physic_core.errors import InputError
 from physic_core.types import ShortRepr
-from physic_scene.matching import PairMatch, join_tracks, joined_matches, match_pair
 from physic_scene.observations import PhotoPeople, observe
+from physic_scene.person_matching import PairMatch, join_tracks, joined_matches, match_pair
 from physic_scene.types import SkippedPhoto
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.types import Plane
 from physic_scene.checks import SolvedView, checks_of_cameras
-from physic_scene.matching import match_pair
+from physic_scene.person_matching import match_pair
 from physic_scene.rigid import CameraPose
 
 from .photos import photo

@@ -149,7 +149,7 @@ def changed(folder, file, old, new):
         ("nerfstudio/transforms.json", '"k1"', '"is_fisheye": true, "k1"', "is_fisheye"),
         ("easymocap/intri.yml", "K_middle", "middle", "T_middle, middle"),
         ("easymocap/intri.yml", "dist_middle", "D_middle", "has D_middle"),
-        ("easymocap/intri.yml", "  rows: 3", "  lines: 3", "K_left is no matrix"),
+        ("easymocap/intri.yml", "  rows: 3", "  lines: 3", "K_left is not an OpenCV matrix"),
         ("easymocap/extri.yml", "\nR_", "\nRT_", "has RT_left"),
         ("pose2sim.toml", "distortions", "distortion", "has distortion"),
         ("anipose.toml", "[metadata]", "[units]", "has units"),

@@ -104,7 +104,9 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyArra
             )
         return embedded_arrays()
     if result.body_model != "smplx":
-        raise InputError(f"no skeleton is known for bodies of the model '{result.body_model}'")
+        raise InputError(
+            f"the body model '{result.body_model}' has no known skeleton: use embedded or smplx"
+        )
     named = (result.config.get("body_model") or {}).get("path") if file is None else file
     if not named or not Path(named).is_file():
         missing_file_text = (
@@ -113,7 +115,7 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyArra
             else "the result does not name it"
         )
         raise InputError(
-            f"the result has SMPL-X bodies, whose skeleton is in your SMPL-X file, and "
+            f"the bodies of this result need your SMPL-X file, but "
             f"{missing_file_text}: give its path (--body-model FILE, or body_model= in Python)"
         )
     parameters = result.people[0].parameters

@@ -23,7 +23,7 @@ from physic_core.types.bounds import NotNegative, Positive
 if TYPE_CHECKING:
     from physic_core.engine.sizes.known_sizes import BodyEnds
 
-_OCCLUDED_WEIGHT = 0.05  # of hidden vertices, and of those on invisible limbs
+_HIDDEN_VERTEX_WEIGHT = 0.05  # of hidden vertices, and of those on invisible limbs
 _PARAMETER_WEIGHTS = {"root": 0.3, "pose": 1.0, "hands": 1.0, "betas": 1.0, "offset": 1.0}
 """Weights of the deviations of each group of parameters from the start."""
 
@@ -115,7 +115,7 @@ def given_weights(state: State, distance: Tensor) -> Tensor:
 
 class RegularisationTerm:
     """Regularisation term, evaluated by
-    :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`.
+    :class:`physic_core.engine.joint.terms.fused_surface.SurfaceTerms`.
 
     The squared error of a start decreases with its number n of photos: all weights are n times
     those for one photo.
@@ -139,7 +139,7 @@ class RegularisationTerm:
     def refresh(self, snapshot: Snapshot) -> None:
         """Update the weights of visible and hidden vertices."""
         s = self._settings
-        weight = vertex_weights(self._sampling, snapshot, s.visible_weight, _OCCLUDED_WEIGHT)
+        weight = vertex_weights(self._sampling, snapshot, s.visible_weight, _HIDDEN_VERTEX_WEIGHT)
         self.weights = {"regularisation": self._photos[:, None] * weight / s.sigma_m**2}
 
     def energy(self, mesh: Tensor, deviation: Tensor) -> Tensor:

@@ -261,7 +261,9 @@ _MAX_UNSEEN_SIGMAS = 4.0  # an invisible foot at a larger height is skipped
 
 
 class SoleTerm:
-    """Sole term, evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`."""
+    """Sole term, which
+    :class:`physic_core.engine.joint.terms.fused_surface.SurfaceTerms` evaluates.
+    """
 
     def __init__(self, settings: SoleSettings, sampling: Sampling) -> None:
         self._settings = settings

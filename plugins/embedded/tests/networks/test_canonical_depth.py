@@ -15,7 +15,7 @@ from physic_networks.canonical_depth import (
 
 @pytest.mark.parametrize("fov", [0.0, -10.0, 180.0, float("nan")])
 def test_an_impossible_angle_is_refused(fov):
-    with pytest.raises(ValueError, match="a field of view lies between 0 and 180 degrees, got"):
+    with pytest.raises(ValueError, match="the field of view must be between 0 and 180 degrees"):
         focal_from_fov(fov, 100)
 
 

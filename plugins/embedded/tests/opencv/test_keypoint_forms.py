@@ -168,7 +168,7 @@ def test_people_of_one_image_are_read_however_its_id_is_written(tmp_path, ids):
     assert set(given.person) == {0, 1}
 
 
-@pytest.mark.parametrize(("other", "said"), [(3, "is of image 3"), (None, "has no image_id")])
+@pytest.mark.parametrize(("other", "said"), [(3, "is of image 3"), (None, "needs an image_id")])
 def test_an_annotation_of_no_image_of_the_file_is_refused(tmp_path, other, said):
     images = [{"id": 1, "file_name": "a.jpg"}, {"id": 2, "file_name": "slope.jpg"}]
     document = {"images": images, "annotations": [of_coco(0, 2), of_coco(1, other)]}
@@ -247,7 +247,7 @@ def test_points_and_scores_apart_are_read(tmp_path, document):
 
 
 def test_a_file_most_of_whose_points_lie_outside_is_refused():
-    with pytest.raises(InputError, match="another picture"):
+    with pytest.raises(InputError, match="30 of 30 keypoints lie outside"):
         read("couple_low_scores", (400, 300))
 
 

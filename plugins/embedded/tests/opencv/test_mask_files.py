@@ -161,11 +161,11 @@ def test_wrong_arrays_are_named(tmp_path, name):
 
 ONE = annotation(np.zeros((HEIGHT, WIDTH), bool), "list")
 WRONG_TEXTS = {
-    "px of the picture": ("a.txt", "0 300 200 100 200 100 300\n", "shares"),
+    "px of the picture": ("a.txt", "0 300 200 100 200 100 300\n", "polygon"),
     "another size": ("a.json", [annotation(np.zeros((4, 4), bool), "list")], "px"),
     "no size": ("a.json", [ONE | {"segmentation": {"counts": [9]}}], "lacks 'size'"),
     "a point": ("a.json", [ONE | {"segmentation": [[3, 4]]}], "1 points"),
-    "no JSON": ("a.json", None, "form is not known"),
+    "no JSON": ("a.json", None, "format is unknown"),
 }
 
 

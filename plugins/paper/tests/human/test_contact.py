@@ -8,7 +8,7 @@ import torch
 
 from physic_core.types import People
 from physic_human.deco import Deco, DecoOptions, contact_crop, enlarged_box_slices
-from physic_human.user_smpl import open_smpl
+from physic_human.smpl_backends import open_smpl
 from physic_networks.bodies import empty_bodies
 
 from .conftest import reading

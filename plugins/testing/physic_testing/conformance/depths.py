@@ -12,7 +12,7 @@ from physic_core.types import AffineAmbiguity, DepthMap
 from physic_testing.conformance.accuracy import fit_ambiguity, inner_pixels
 from physic_testing.conformance.changes import WITHOUT_HINTS, Change, without
 from physic_testing.conformance.check import BLIND, Check
-from physic_testing.conformance.expect import expect, warn_unless
+from physic_testing.conformance.expect import expect, expect_or_warn
 from physic_testing.conformance.known_mistakes import (
     Group,
     KnownMistake,
@@ -226,7 +226,7 @@ def check_depth_is_where_it_can_be_known(subject: BackendUnderTest) -> None:
             "Is the output of a smaller grid repeated? Resize it by interpolation.",
         )
         sky = is_known[inner_pixels(~np.isfinite(truth["z"]))]
-        warn_unless(
+        expect_or_warn(
             sky.size < MIN_POINTS or sky.mean() < MAX_SKY,
             "no depth in the sky, which is infinitely far",
             f"a depth in most of the sky {where}",

@@ -41,7 +41,7 @@ def expect(condition: bool, expected: str, got: str, hint: str = "") -> None:
         raise CheckFailed(expected, got, hint)
 
 
-def warn_unless(condition: bool, expected: str, got: str, hint: str = "") -> None:
+def expect_or_warn(condition: bool, expected: str, got: str, hint: str = "") -> None:
     """Raise CheckWarned with the other arguments unless the condition is true."""
     if not condition:
         raise CheckWarned(expected, got, hint)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from physic_core.weights import search_folders
 from physic_testing.conformance.check import Check
-from physic_testing.conformance.expect import CheckSkipped, expect, warn_unless
+from physic_testing.conformance.expect import CheckSkipped, expect, expect_or_warn
 from physic_testing.conformance.network_and_memory import resident_megabytes
 
 if TYPE_CHECKING:
@@ -119,8 +119,8 @@ def check_leaves_nothing_behind(subject: BackendUnderTest) -> None:
     subject.result()
     names = sorted(subject.watch.files)
     text = subject.watch.printed.strip()
-    warn_unless(not names, "no new file in the current folder", ", ".join(names[:3]))
-    warn_unless(
+    expect_or_warn(not names, "no new file in the current folder", ", ".join(names[:3]))
+    expect_or_warn(
         not text, "no text on the standard output, which may be JSON", repr(text[:60]), "Use notes."
     )
     case = subject.case("one person")
@@ -135,7 +135,7 @@ def check_leaves_nothing_behind(subject: BackendUnderTest) -> None:
         subject.infer(backend, subject.request(case))
     gc.collect()
     leak = (resident_megabytes() - memory) / CALLS
-    warn_unless(
+    expect_or_warn(
         leak <= MAX_LEAK_MB,
         f"memory that stays the same over {CALLS} calls with one photo",
         f"{leak:.1f} MB more with each call",

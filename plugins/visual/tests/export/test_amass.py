@@ -110,5 +110,5 @@ def test_the_skeleton_of_smplx_bodies_is_in_their_file(converted, tmp_path):
     done = converted.export(str(tmp_path / "a.glb"), scene=False)
     assert set(trimesh.load_scene(done.files[0]).geometry) == {"person_0"}
     lost = replace(converted, config={})
-    with pytest.raises(InputError, match="has SMPL-X bodies"):
+    with pytest.raises(InputError, match="need your SMPL-X file"):
         lost.export(str(tmp_path / "b.glb"))

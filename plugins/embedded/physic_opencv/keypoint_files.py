@@ -61,7 +61,7 @@ _OPENPOSE = {
 
 
 def table_of(document: Any, photo: str) -> KeypointTable | None:
-    """Return the keypoints of a JSON document, None if its form is not known.
+    """Return the keypoints of a JSON document, None if its format is unknown.
 
     Args:
         document: parsed.
@@ -163,7 +163,7 @@ def annotations_of_photo(
         return next(iter(ids), ""), list(annotations)
     if "" in of:
         raise ValueError(
-            f"annotation {of.index('')} has no image_id, and the file has {len(ids)} images"
+            f"annotation {of.index('')} needs an image_id: the file has {len(ids)} images"
         )
     if images and (unlisted := [key for key in of if key not in images]):
         raise ValueError(
