@@ -154,8 +154,7 @@ _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure
     "photo.stature",
     type=Numbers("meters,..."),
     help="Known standing height, meters: one for all people, or one per person from left to "
-    "right, 0 where unknown; a "
-    "note says who got which.",
+    "right, 0 where unknown.",
 )
 @_setting_option(
     "--age",
