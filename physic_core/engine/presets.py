@@ -15,7 +15,6 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.method import ContactStageMethod
-from physic_core.engine.joint.hidden_legs import fold_hidden_legs
 from physic_core.engine.joint.method import JointStageMethod, TermWeight
 from physic_core.engine.joint.optimiser import LbfgsOptimiser, Optimiser
 from physic_core.engine.joint.sampling import Sampling, with_static_contacts
@@ -168,10 +167,6 @@ class DefaultJointStage(JointStageMethod):
             StatureTerm(self.stature.weight, sampling),
             ViewsTerm(self.reprojection, sampling),
         ]
-
-    def finish(self, state: State) -> State:
-        """Return the state with hidden legs folded where they would pass through the floor."""
-        return fold_hidden_legs(state)
 
     def late_terms(self, sampling: Sampling) -> tuple[Sequence[Term], Optimiser, Optimiser]:
         """Return the people term, and those of parts that touch each other.

@@ -146,10 +146,6 @@ class JointStageMethod(ABC):
         """
         return (), self.optimiser, self.optimiser
 
-    def finish(self, state: State) -> State:
-        """Return the state after the minimisation; by default as it is."""
-        return state
-
     def with_fixed_bodies(self) -> Self:
         """Return the settings with poses and shapes of all people kept constant."""
         return replace(self, frozen=(*self.frozen, "root", "pose", "hands", "betas"))

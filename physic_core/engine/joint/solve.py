@@ -71,7 +71,7 @@ def optimize(
         contact._replace(person=int(rows[contact.person]), other=int(rows[contact.other]))
         for contact in released
     )
-    return settings.finish(replace(result, joint=replace(result.joint, released=released)))
+    return replace(result, joint=replace(result.joint, released=released))
 
 
 def _with_late_terms(
